@@ -11,7 +11,7 @@ from intent_recognition.cli.console import boxed_table, plain_table, print_facts
 from intent_recognition.errors import first_of
 from intent_recognition.model import FRAMES, Frames, Model, frames_of
 from intent_recognition.promp import TaskLibrary, least_end_std
-from intent_recognition.recognition import learned_risk
+from intent_recognition.recognition import MAX_SWITCHED, DecisionSettings, learned_risk
 
 MEANINGS: Mapping[str, Mapping[str, str]] = {
     "settings": {"ridge": " (smoothness of what is learned)"},
@@ -83,7 +83,8 @@ def print_model(console: Console, path: Path, model: Model) -> None:
         "none": f"prior {library.none_prior:.3g}, margin {library.none_margin:.3g} nats"
         " (evidence that a known task must have over it)",
         "change of mind": f"margin {library.switch_margin:.3g} nats (evidence that it must have"
-        " over staying with the task)",
+        f" over staying with the task); takes over from {DecisionSettings().switch_threshold:.3f},"
+        f" wrongly in at most {MAX_SWITCHED:.0%} of movements",
         **({"risk": str(risk)} if (risk := learned_risk(library)) else {}),
         "noise": f"scale {library.noise_scale:.3g}, correlated over"
         f" {library.correlation_time_s:.3g} s",

@@ -30,6 +30,20 @@ TURN, DELAY, AFRESH = range(3)
 fade as a spring. A reach begins afresh at its birth, and its offset ends at rest."""
 
 
+def switch_threshold(share: float) -> float:
+    """Probability from which another task may replace one that was active.
+
+    While a mind does not change, the odds that it did only grow by what births add: on average r a
+    usual duration, at the rate r of turns and new reaches. By Doob's maximal inequality, such odds
+    ever exceed r / share in at most that share of movements of the usual duration.
+
+    Args:
+        share: largest accepted share of movements with such a switch, in (0, 1].
+    """
+    rate = SWITCH_RATE + REACH_RATE * REACH_UNTIL
+    return rate / (rate + share)
+
+
 def log_stay(passed: float, switch_margin: float) -> float:
     """Log of the share of a task's probability left to its hypotheses of the onset.
 

@@ -17,6 +17,7 @@ from intent_recognition.nodes.conversions import TrajectoryBuilder
 from intent_recognition.nodes.diagnostics import Diagnostics, Level, key_values
 from intent_recognition.nodes.people import named_people
 from intent_recognition.promp import Risk
+from intent_recognition.recognition import MAX_SWITCHED
 
 _UNNAMED, _LOOKS = "_NODE_NAME_UNKNOWN_", 20
 """Name that ROS gives to a node which is not discovered yet, and number of looks after which such a
@@ -75,6 +76,7 @@ class ActivationOutput:
         """Report the bound on the share of wrong actions."""
         bound = "not known" if risk is None else f"{risk.bound:.3f}"
         self._diagnostics.value("wrong actions at most", bound)
+        self._diagnostics.value("wrong switches at most", f"{MAX_SWITCHED:.3f}")
 
     def command(self, command: Command | None) -> None:
         """Send a command, if there is one."""

@@ -55,6 +55,7 @@ from intent_recognition.promp.prior import (
     without_demonstration,
 )
 from intent_recognition.promp.risk import (
+    LEAST_SHARE,
     MAX_NONE,
     NO_ODDS,
     LeftOutOdds,

@@ -22,6 +22,11 @@ from intent_recognition.array_types import Floats
 MAX_NONE = 0.1
 """Largest probability of none at which to act, with a risk: what the usual threshold leaves."""
 
+LEAST_SHARE = 0.6
+"""Least probability among the tasks, and least share of the evidence, at which to act. Where no
+left-out demonstration has odds against it, its bound asks for even odds only, at which habits
+decide (docs/decisions/habit.md)."""
+
 
 class LeftOutOdds(NamedTuple):
     """Odds of n held-out demonstrations, from which the risk of acting is bounded.
@@ -97,7 +102,7 @@ def risk_of(left_out: LeftOutOdds, max_wrong: float) -> Risk:
     n_groups = left_out.n_groups
     quantile = conformal_bound(odds, max_wrong, weights)
     bound = max(max_wrong, 1.0 / (n_groups + 1.0))
-    threshold = max(float(expit(quantile)), 0.6)
+    threshold = max(float(expit(quantile)), LEAST_SHARE)
     grouped = any(left_out.groups)
     return Risk(min(threshold, 1.0), max_wrong, bound, n_groups, grouped)
 

@@ -2,6 +2,7 @@
 """Online recognition: the estimator, onset detection, transition prior, and decision to act."""
 
 from intent_recognition.recognition.decision import (
+    MAX_SWITCHED,
     MAX_WRONG,
     USUAL_THRESHOLD,
     DecisionSettings,

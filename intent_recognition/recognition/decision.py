@@ -16,6 +16,8 @@
   alike, so the robot continues while nothing else is that probable. If another task fulfils the
   conditions above by then, it takes over ("switched"). Otherwise nothing is active ("withdrawn")
   until a task fulfils them.
+- Until the interaction is over, another task than the one that was active last also needs the
+  probability `switch_threshold`: the first was evident, and minds seldom change.
 
 Both counts make a single outlier harmless, and the gap between `threshold` and `release_below`
 keeps a task from flickering. `min_evidence` keeps a habit from moving the arm: a task that is
@@ -34,8 +36,10 @@ import numpy as np
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError, check_type, check_whole, number
+from intent_recognition.filtering import switch_threshold
 from intent_recognition.gaussian import log_sum
 from intent_recognition.promp import (
+    LEAST_SHARE,
     MAX_NONE,
     NONE,
     USUAL_END_STD,
@@ -50,6 +54,9 @@ USUAL_THRESHOLD = 0.9
 """Least probability at which to act on a task without a learned risk."""
 MAX_WRONG = 0.05
 """Default limit of the share of interactions with a wrong action."""
+MAX_SWITCHED = 0.01
+"""Largest share of movements in which an active task may give way to another although the mind did
+not change (docs/decisions/change_of_mind.md)."""
 
 _SENDER = "Check the sender and its settings."
 """Cure in errors about received numbers."""
@@ -75,6 +82,8 @@ class DecisionSettings:
         idle_margin: the estimator is idle if the probability of `none` >= 1 - idle_margin.
         risk: threshold that bounds the share of wrong actions, learned from held-out
             demonstrations; None for `threshold`.
+        switch_threshold: probability among the tasks that another task than the one that was
+            active last needs as well.
     """
 
     threshold: float = USUAL_THRESHOLD
@@ -82,10 +91,11 @@ class DecisionSettings:
     max_end_std_rad: float | None = None
     max_end_std_m: float | None = None
     release_below: float = 0.5
-    min_evidence: float = 0.6
+    min_evidence: float = LEAST_SHARE
     idle_margin: float = 1e-12
     learned_end_std: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     risk: Risk | None = None
+    switch_threshold: float = switch_threshold(MAX_SWITCHED)
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -172,6 +182,7 @@ class DecisionState(NamedTuple):
         event: effect of the last observation: "activated", "switched", "withdrawn", "over" (the
             interaction ended: the estimator is idle) or empty.
         idle: whether the estimator was idle at the last observation.
+        last: label of the task that was active last since the estimator was idle; else empty.
     """
 
     active: str = ""
@@ -180,6 +191,7 @@ class DecisionState(NamedTuple):
     n_against: int = 0
     event: str = ""
     idle: bool = True
+    last: str = ""
 
     @property
     def acts(self) -> bool:
@@ -222,12 +234,16 @@ def decide(
     best = int(np.argmax(p))
     sure = labels[best] != NONE and settings.is_sure(labels, p, best)
     sure = sure and is_evident(settings, labels, best, log_evidence)
+    if state.last not in ("", labels[best]):
+        known = 1.0 - p[list(labels).index(NONE)]
+        sure = sure and bool(p[best] >= settings.switch_threshold * known)
     candidate = labels[best] if sure else ""
     n_for = (state.n_for + 1 if candidate == state.candidate else 1) if candidate else 0
     certain = is_certain(settings, end_std, labels[best])
     ready = candidate if n_for >= settings.n_observations and certain else ""
     active, n_against, event = _follow(settings, state, labels, p, ready)
-    return DecisionState(active, candidate, n_for, n_against, event, False), active
+    last = active or state.last
+    return DecisionState(active, candidate, n_for, n_against, event, False, last), active
 
 
 def is_certain(settings: DecisionSettings, end_std: Mapping[str, float] | None, task: str) -> bool:

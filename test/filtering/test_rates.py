@@ -6,7 +6,7 @@ import pytest
 from simulation import minimum_jerk, nearly_known
 
 from intent_recognition.filtering import rates
-from intent_recognition.filtering.rates import birth_shares, moving_parts
+from intent_recognition.filtering.rates import birth_shares, moving_parts, switch_threshold
 from intent_recognition.promp import STEADY
 
 
@@ -38,6 +38,19 @@ def test_nobody_turns_to_an_impossible_task_and_with_a_margin_turns_are_rarer(rn
     assert passed[rates.TURN, 2] == 0.0 and passed[rates.TURN, 0] > 0.0
     alone = np.exp(birth_shares(np.zeros(2), np.zeros(1), 0.1))
     assert np.isclose(alone[rates.TURN, 0], 0.1 * rates.DETOUR_RATE)
+
+
+def test_a_mind_that_stays_is_taken_for_changed_in_at_most_the_stated_share(rng):
+    """Beside simulated odds: in each step some turn, and all are told apart by normal evidence."""
+    steps, evidence, share = 100, 0.5, 0.05
+    rate = rates.SWITCH_RATE + rates.REACH_RATE * rates.REACH_UNTIL
+    odds, largest = np.zeros(4000), np.zeros(4000)
+    for _ in range(steps):
+        for_it = evidence * rng.normal(size=len(odds)) - 0.5 * evidence**2
+        odds = (odds + rate / steps) * np.exp(for_it)
+        largest = np.maximum(largest, odds)
+    taken = np.mean(largest / (1.0 + largest) >= switch_threshold(share))
+    assert 0.2 * share < taken <= share
 
 
 @pytest.mark.parametrize("part", [1.0, 0.75, 0.5])

@@ -70,7 +70,9 @@ def test_the_bound_on_wrong_actions_is_that_of_the_share_in_force(harness, model
     bounds = []
     for values in ({"max_wrong": 0.5}, {"max_wrong": 0.4}, {"threshold": 0.8}):
         assert change(node, **values) == ""
-        bounds.append(values_of(node.diagnostics.report())["wrong actions at most"])
+        values_now = values_of(node.diagnostics.report())
+        bounds.append(values_now["wrong actions at most"])
+        assert values_now["wrong switches at most"] == "0.010"
     assert bounds == ["0.500", "0.400", "not known"]
 
 

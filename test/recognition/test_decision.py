@@ -222,6 +222,23 @@ def test_a_stated_risk_asks_for_a_probability_among_the_tasks():
     assert play([(0.88, 0.01, 0.11)] * 9, settings)[1][-1] == ""
 
 
+def test_another_task_than_the_one_active_last_needs_more_until_the_interaction_is_over():
+    settings = DecisionSettings(risk=RISK._replace(threshold=0.6))
+    short, enough = ((1.0 - p, p, 0.0) for p in settings.switch_threshold + np.array([-1e-6, 1e-6]))
+    plate = [(0.7, 0.3, 0.0)] * 5
+    assert play(plate + [short] * 50, settings)[1:] == (
+        ["", "", "", ""] + ["plate"] * 5 + [""] * 46,
+        ["activated", "withdrawn"],
+    )
+    assert play(plate + [enough] * 5, settings)[2] == ["activated", "switched"]
+    found = play(plate + [short] * 9 + [enough] * 5, settings)[2]
+    assert found == ["activated", "withdrawn", "activated"]
+    again = play(plate + [short] * 9 + plate, settings)
+    assert again[1][-1] == "plate" and again[0].last == "plate"
+    _, active, _ = play(plate + [IDLE] + [short] * 5, settings)
+    assert active[-1] == "screw"
+
+
 def test_a_smaller_share_of_wrong_actions_asks_for_more_and_leaves_one_task_or_several():
     settings = DecisionSettings(risk=RISK)
     for share in np.linspace(0.5, 0.999, 40):
