@@ -36,6 +36,7 @@ from intent_recognition.learning.statistics import (
 )
 from intent_recognition.learning.timing import PACES
 from intent_recognition.learning.unknown_task import learn_none_margin
+from intent_recognition.learning.unnamed_people import told_apart, with_people
 from intent_recognition.promp import ResidualCoupling, TaskLibrary
 from intent_recognition.signals import Demonstration, StreamFinding, label_doubts
 
@@ -152,10 +153,11 @@ def learn_accumulated(
         TrainingError: nothing usable, or no task with at least two demonstrations.
     """
     preprocessing = _check_enough(accumulated)
-    chosen, coupling, tried = choose_hyperparameters(accumulated.tasks, preprocessing)
-    library = library_from_statistics(accumulated.tasks, preprocessing, chosen, provenance)
+    tasks = with_people(accumulated.tasks, preprocessing.n_observed)
+    chosen, coupling, tried = choose_hyperparameters(tasks, preprocessing)
+    library = library_from_statistics(tasks, preprocessing, chosen, provenance)
     library = replace(library, coupling=coupling)
-    trained = with_margins(Trained(library, preprocessing, accumulated.tasks, chosen))
+    trained = with_margins(Trained(library, preprocessing, tasks, chosen))
     return TrainingReport(
         accumulated.used,
         accumulated.rejected,
@@ -208,6 +210,8 @@ def add_statistics(
     for finding in other_units_of(tasks, trained.tasks, trained.preprocessing):
         raise TrainingError(f"{finding} Correct it, or leave it out.")
     merged = merge_tasks(trained.tasks, tasks)
+    if told_apart(trained.tasks):
+        merged = with_people(merged, trained.preprocessing.n_observed)
     before = trained.library
     bags = before.provenance.get("bags")
     known_bags = bags if isinstance(bags, (list, tuple)) else ()
@@ -224,15 +228,16 @@ def add_statistics(
 
 def choose_again(trained: Trained) -> tuple[Trained, tuple[Hyperparameters, ...]]:
     """Choose hyperparameters and learn margins again; also return all that were tried."""
-    chosen, coupling, tried = choose_hyperparameters(trained.tasks, trained.preprocessing)
+    tasks = with_people(trained.tasks, trained.preprocessing.n_observed)
+    chosen, coupling, tried = choose_hyperparameters(tasks, trained.preprocessing)
     library = replace(
         trained.library,
         coupling=coupling,
         **chosen_fields(trained.preprocessing, chosen),
-        **learned_from(trained.tasks, trained.preprocessing, chosen),
+        **learned_from(tasks, trained.preprocessing, chosen),
         provenance={**trained.library.provenance, "chosen": chosen._asdict()},
     )
-    return with_margins(replace(trained, library=library, chosen=chosen)), tried
+    return with_margins(replace(trained, library=library, tasks=tasks, chosen=chosen)), tried
 
 
 def with_margins(trained: Trained) -> Trained:
