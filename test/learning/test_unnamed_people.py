@@ -3,12 +3,20 @@
 
 import numpy as np
 import pytest
+from simulation import draw_weights, make_library, simulate
 
-from intent_recognition.learning import TrainingExample, summarize
+from intent_recognition.learning import (
+    TrainingExample,
+    TrainingSettings,
+    add_demonstration,
+    learn_with_report,
+    summarize,
+)
 from intent_recognition.learning.persons import covariance_of_strangers
 from intent_recognition.learning.statistics import merge_tasks
 from intent_recognition.learning.unnamed_people import tell_apart, told_apart, with_people
 from intent_recognition.promp import Scatter
+from intent_recognition.signals import Demonstration
 
 N_OBSERVED, N_BASIS, N_PEOPLE = 2, 6, 4
 SIZE = N_OBSERVED * N_BASIS
@@ -99,3 +107,22 @@ def test_a_demonstration_more_is_one_of_the_same_people(rng):
     assert same([names[f"{k}"] for k in range(47)], who[:-1])
     (added,) = last[str(tasks[-1])].examples
     assert len(set(names.values())) == N_PEOPLE and names[added.name]
+
+
+def test_training_leaves_out_people_whom_nobody_named(rng):
+    """The risk of acting is one with somebody new; the next demonstration is of somebody known."""
+    truth = make_library(rng, n_tasks=2, groups=(2,), n_controlled=1, n_basis=6, spread=0.05)
+    places = np.array([[0.0, 0.0], [0.0, 2.0], [2.0, 0.0], [2.0, 2.0]])
+
+    def recorded(task: int, who: int, number: int) -> Demonstration:
+        weights = draw_weights(truth, task, rng) + np.append(places[who], 0.0)[:, None]
+        name = f"{task}_{who}_{number}"
+        return simulate(truth, task, rng, weights=weights, name=name, n_samples=40)
+
+    settings = TrainingSettings(n_basis=6, n_aligned_basis=6, segmentation="recording")
+    shown = [recorded(*one) for one in np.ndindex(2, N_PEOPLE, 2)]
+    trained = learn_with_report(shown, settings).trained
+    assert all(trained.library.left_out_odds.groups)
+    for each in (trained, add_demonstration(trained, recorded(0, 1, 2))):
+        examples = [one for task in each.tasks.values() for one in task.examples]
+        assert same([one.group for one in examples], [one.name.split("_")[1] for one in examples])

@@ -38,6 +38,18 @@ def test_one_more_interaction_is_wrong_in_at_most_the_stated_share(rng):
     assert 0.06 < np.mean(wrong) < 0.115
 
 
+def test_few_people_keep_the_stated_bound_where_the_requested_one_fails(rng):
+    """One person in ten is unlike the others: 5 % asked of four, 20 % stated."""
+    wrong = []
+    for _ in range(300):
+        people = 12.0 * (rng.random(44) < 0.1) + 0.6 * rng.standard_normal(44)
+        odds = np.maximum(people[:, None] + rng.standard_normal((44, 8)), 0.0)
+        known = tuple(f"p{k}" for k in np.repeat(np.arange(4), 8))
+        risk = risk_of(LeftOutOdds(tuple(odds[:4].ravel()), known), 0.05)
+        wrong.append(np.mean(expit(odds[4:]) > risk.threshold))
+    assert 0.05 < np.mean(wrong) < risk.bound == pytest.approx(0.2)
+
+
 def test_too_few_say_what_holds_and_how_many_it_takes():
     few = risk_of(LeftOutOdds((1.0, 2.0, 1.5), ("anna", "anna", "ben")), 0.05)
     assert few.bound == pytest.approx(1.0 / 3.0) and few.n_needed == 19
