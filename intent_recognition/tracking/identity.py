@@ -10,7 +10,7 @@ people who are new or seen again after `LOST_S`.
 
 import math
 from collections.abc import Mapping
-from itertools import chain, combinations, count
+from itertools import chain, count
 from typing import NamedTuple
 
 import numpy as np
@@ -22,16 +22,16 @@ LOST_S = 0.5
 """Time without observations after which a person counts as new [s], equal to the default `timeout`
 after which `primitive_activation` stops the arm."""
 UNKNOWN_S = 0.6
-"""Time for which two indistinguishable people are both `NOBODY` [s], longer than `LOST_S`, so that
-all nodes forget the previous beliefs about them."""
+"""Time for which indistinguishable people are `NOBODY` [s], longer than `LOST_S`, so that all nodes
+forget the previous beliefs about them."""
 NOBODY = ""
 """The person of a body whose person is not known."""
 
 NEW = -math.log(1e-3)
-"""Negative log-likelihood of a new person in a frame, for about ten new people per minute."""
-RETURNING, RETURN_S = -math.log(0.02), 2.0
-"""Negative log-likelihood of a new person if somebody was lost or became `NOBODY` in the last 2 s:
-hidden people are seen again after about a second (docs/several_people.md)."""
+"""Negative log-likelihood of a new person in a frame, for about ten new people per minute. Lost
+people are expected until they are no likelier than that anywhere, for about 2 s."""
+DISTINCT = math.log(1000.0)
+"""Difference of negative log-likelihoods from which an assignment is certain."""
 UNSEEN_S, UNSEEN, MISSED = 0.1, -math.log(0.9), -math.log(0.05)
 """Negative log-likelihoods that a frame misses a person who was last seen more than 0.1 s ago
 (`UNSEEN`) or since (`MISSED`): a hidden person stays hidden for a while."""
@@ -46,10 +46,11 @@ squared innovations of the shipped toolbox demonstrations have a mean of 0.2 (3 
 
 
 class Track(NamedTuple):
-    """A tracked person, with the tracker's label and stamp of the last observation.
+    """A tracked body, with the tracker's label and stamp of the last observation.
 
     `mean` holds position [m] and velocity [m/s] at that time, (2, 3); `covariance` is that along
-    each axis, (2, 2).
+    each axis, (2, 2). An indistinguishable body is nobody's until `unknown_until_ns` (otherwise 0).
+    After that, or unseen for `LOST_S`, it has no `person`, and is a new one's when seen.
     """
 
     person: str
@@ -57,21 +58,19 @@ class Track(NamedTuple):
     stamp_ns: int
     mean: Floats
     covariance: Floats
+    unknown_until_ns: int = 0
 
 
 class Identities(NamedTuple):
     """Immutable state between frames, initially empty.
 
-    Labels of indistinguishable people have no person until `unknown_until_ns`. So far, `n_undone`
-    frames undid an exchange of the tracker, and in `n_unknown` people were indistinguishable.
-    Until `returning_until_ns`, a new body may be a person who was lost or indistinguishable.
+    So far, `n_undone` frames undid an exchange of the tracker, and in `n_unknown` people were
+    indistinguishable.
     """
 
     tracks: tuple[Track, ...] = ()
-    unknown_until_ns: Mapping[str, int] = {}
     n_undone: int = 0
     n_unknown: int = 0
-    returning_until_ns: int = 0
 
 
 def identify(
@@ -88,42 +87,50 @@ def identify(
         The new state, and the person of each label: `NOBODY` for one that is indistinguishable
         from others, or that leaps.
     """
-    held = {k: until for k, until in people.unknown_until_ns.items() if until > stamp_ns}
-    known = [t for t in people.tracks if stamp_ns - t.stamp_ns <= LOST_S * 1e9]
-    seen = {label: at for label, at in positions.items() if label not in held}
-    ahead = [_predicted(track, stamp_ns) for track in known]
-    labels = list(seen)
-    later, returning = stamp_ns + round(RETURN_S * 1e9), people.returning_until_ns
-    returning = later if len(known) < len(people.tracks) else returning
-    new = RETURNING if stamp_ns < returning else NEW
-    missed = [UNSEEN if stamp_ns - t.stamp_ns > UNSEEN_S * 1e9 else MISSED for t in known]
-    costs, columns = _assignment(ahead, missed, [seen[label] for label in labels], new)
-    unsure = _alike(costs, columns, new, math.log(1000.0))
-    tracks, found = [], dict.fromkeys(positions, NOBODY)
-    for k, (track, at) in enumerate(zip(known, ahead, strict=True)):
-        label = labels[columns[k]] if columns[k] < len(labels) else ""
-        if k in unsure:
-            until = stamp_ns + round(UNKNOWN_S * 1e9)
-            held |= dict.fromkeys({track.label, label} - {""}, until)
-        elif label:
-            tracks.append(_corrected(at, label, seen[label]))
-            found[label] = track.person
-        else:
-            tracks.append(track)
-    before = {track.person: track.label for track in known}
-    exchanged = any(
-        track.label != before[track.person] and track.label in before.values() for track in tracks
-    )
-    for label in labels:
-        # a label that jumps farther than people move is nobody's until its person is lost
-        if found[label] or label in held or any(track.label == label for track in tracks):
-            continue
-        found[label] = _name(label, {*held, *(track.person for track in tracks)}, positions)
-        mean, covariance = np.stack([seen[label], np.zeros(3)]), np.diag([POSITION_STD_M**2, 1.0])
-        tracks.append(Track(found[label], label, stamp_ns, mean, covariance))
-    found |= dict.fromkeys(held.keys() & found.keys(), NOBODY)
-    undone, unknown = people.n_undone + exchanged, people.n_unknown + bool(unsure)
-    return Identities(tuple(tracks), held, undone, unknown, later if unsure else returning), found
+    before = [_forgotten(track, stamp_ns) for track in people.tracks]
+    ahead = [_predicted(track, stamp_ns) for track in before]
+    expected = [k for k, at in enumerate(ahead) if _density(at) < NEW]
+    before, ahead = [before[k] for k in expected], [ahead[k] for k in expected]
+    missed = [UNSEEN if stamp_ns - t.stamp_ns > UNSEEN_S * 1e9 else MISSED for t in before]
+    labels = list(positions)
+    costs = _costs(ahead, missed, [positions[label] for label in labels])
+    columns = _assignment(costs)
+    known = {k: t for k, t in enumerate(before) if t.person and not t.unknown_until_ns}
+    unsure = _unsure(costs, columns, list(known)) & set(range(len(before)))
+    until_ns = stamp_ns + round(UNKNOWN_S * 1e9)
+    tracks = []
+    for k, (track, at) in enumerate(zip(before, ahead, strict=True)):
+        if columns[k] < len(labels):
+            track = _corrected(at, labels[columns[k]], positions[labels[columns[k]]])
+        tracks.append(track._replace(unknown_until_ns=until_ns) if k in unsure else track)
+    moved = {tracks[k].label for k in known.keys() - unsure if tracks[k].label != before[k].label}
+    exchanged = moved & {track.label for track in known.values()}
+    # a label that jumps farther than people move is nobody's until its person is lost
+    occupied = {t.label for t in tracks if t.person or t.stamp_ns == stamp_ns}
+    tracks += [
+        _born(label, stamp_ns, positions[label]) for label in labels if label not in occupied
+    ]
+    found = dict.fromkeys(positions, NOBODY)
+    for k, track in enumerate(tracks):
+        if track.stamp_ns == stamp_ns and not track.unknown_until_ns:
+            person = track.person or _name(track.label, {t.person for t in tracks}, positions)
+            tracks[k] = track._replace(person=person)
+            found[track.label] = person
+    undone, unknown = people.n_undone + bool(exchanged), people.n_unknown + bool(unsure)
+    return Identities(tuple(tracks), undone, unknown), found
+
+
+def _forgotten(track: Track, stamp_ns: int) -> Track:
+    """Without its person once all nodes have forgotten them."""
+    lost = stamp_ns - track.stamp_ns > LOST_S * 1e9
+    if lost or 0 < track.unknown_until_ns <= stamp_ns:
+        return track._replace(person="", unknown_until_ns=0)
+    return track
+
+
+def _born(label: str, stamp_ns: int, position: Floats) -> Track:
+    mean = np.stack([position, np.zeros(3)])
+    return Track("", label, stamp_ns, mean, np.diag([POSITION_STD_M**2, 1.0]))
 
 
 def _name(label: str, taken: set[str], labels: Mapping[str, object]) -> str:
@@ -149,41 +156,44 @@ def _corrected(track: Track, label: str, position: Floats) -> Track:
     return track._replace(label=label, mean=mean, covariance=covariance)
 
 
-def _assignment(
-    tracks: list[Track], missed: list[float], positions: list[Floats], new: float
-) -> tuple[Floats, list[int]]:
-    """Negative log-likelihoods (n, m + n), and the best column for each of n tracks.
+def _density(track: Track) -> float:
+    """Negative log-likelihood of an observation where the track is expected."""
+    variance = track.covariance[0, 0] + POSITION_STD_M**2
+    return 1.5 * math.log(2.0 * math.pi * variance)
 
-    The columns are the m positions, then "not seen" for each track. A position that is not assigned
-    belongs to a new person.
+
+def _costs(tracks: list[Track], missed: list[float], positions: list[Floats]) -> Floats:
+    """Negative log-likelihoods (n + m, m + n) of assigning n tracks, then m new people.
+
+    The columns are the m positions, then "not seen" for each track.
     """
     n, m = len(tracks), len(positions)
     costs = np.full((n + m, m + n), np.inf)
     costs[n:, m:] = 0.0
     np.fill_diagonal(costs[:n, m:], missed)
-    np.fill_diagonal(costs[n:, :m], new)
+    np.fill_diagonal(costs[n:, :m], NEW)
     for i, track in enumerate(tracks):
         variance = track.covariance[0, 0] + POSITION_STD_M**2
-        density = 1.5 * math.log(2.0 * math.pi * variance)
+        density = _density(track)
         for j, position in enumerate(positions):
             off = position - track.mean[0]
             costs[i, j] = 0.5 * float(off @ off) / variance + density
-    columns = linear_sum_assignment(costs)[1] if n + m else np.empty(0, dtype=int)
-    return costs[:n], columns[:n].tolist()
+    return costs
 
 
-def _alike(costs: Floats, columns: list[int], new: float, least: float) -> set[int]:
-    """Tracks whose exchange with another track or a new person costs less than `least` more."""
-    n = len(columns)
-    m = costs.shape[1] - n
-    alike = {
-        i for i, j in enumerate(columns) if j < m and new + costs[i, m + i] - costs[i, j] < least
-    }
-    for i, k in combinations(range(n), 2):
-        now = costs[i, columns[i]] + costs[k, columns[k]]
-        # Each track has its own column for "not seen".
-        of_i = columns[k] if columns[k] < m else m + i
-        of_k = columns[i] if columns[i] < m else m + k
-        if min(columns[i], columns[k]) < m and costs[i, of_i] + costs[k, of_k] - now < least:
-            alike |= {i, k}
-    return alike
+def _assignment(costs: Floats) -> list[int]:
+    """The column of each row in the likeliest assignment."""
+    return linear_sum_assignment(costs)[1].tolist() if costs.size else []
+
+
+def _unsure(costs: Floats, columns: list[int], known: list[int]) -> set[int]:
+    """Rows that change in an assignment that is hardly less likely, and changes one of `known`."""
+    rows, unsure = range(len(columns)), set()
+    best = costs[rows, columns].sum()
+    for k in known:
+        others = costs.copy()
+        others[k, columns[k]] = 1e9
+        other = _assignment(others)
+        if others[rows, other].sum() - best < DISTINCT:
+            unsure |= {row for row in rows if other[row] != columns[row]}
+    return unsure
