@@ -13,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.handover.cell import OBJECTS
 from benchmarks.measure import Result, at_least, at_most
 from benchmarks.transfer_trials import (
     DISTURBANCES,
@@ -80,7 +79,7 @@ def results(outcomes: Mapping[str, Sequence[TransferOutcome]]) -> Iterator[Resul
 def trials(
     kinds: Sequence[str],
     n: int,
-    things: Sequence[str] = tuple(OBJECTS),
+    things: Sequence[str] = ("box", "plate", "bottle"),
     clock_s: float | None = None,
 ) -> list[TransferTrial]:
     """Kinds in turn, with the objects in turn, with the arms in turn."""

@@ -33,6 +33,7 @@ OBJECTS = {
     "box": TransferObject(0.1, (0.02, 0.015, 0.05), 0.015),
     "plate": TransferObject(0.4, (0.06, 0.004, 0.05), 0.015),
     "bottle": TransferObject(0.8, (0.10, 0.03, 0.035), 0.005),
+    "rod": TransferObject(0.12, (0.012, 0.012, 0.2), 0.15),
 }
 """What is handed over, by name."""
 

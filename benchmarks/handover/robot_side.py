@@ -26,9 +26,8 @@ from sim_bridge.handover import GripFollower, progress
 
 SAMPLE_STEPS = 5
 """Physics steps between two joint states: 200 Hz, as `arm_sim` publishes them."""
-NEAR_M = 0.25
-"""Distance of the person's hand from the grip below which it is at the object [m]: the length of
-what is handed over, and of a hand."""
+HAND_M = 0.1
+"""The person's hand is at the object within its length and this distance from the grip [m]."""
 TRACKED_STD_M = 0.002
 """Standard deviation of the tracker's noise [m]."""
 
@@ -147,5 +146,6 @@ class RobotSide:
             return False, None, 0.0
         seen = person.position_m + TRACKED_STD_M * self._rng.standard_normal(3)
         away_m = seen - self._cell.model.forward_kinematics(q)[:3, 3]
-        near = bool(np.linalg.norm(away_m) < NEAR_M)
+        length_m = 2.0 * self._cell.thing.half_edges_m[2]
+        near = bool(np.linalg.norm(away_m) < length_m + HAND_M)
         return near, away_from_base(seen), float(np.linalg.norm(person.velocity_m_s))

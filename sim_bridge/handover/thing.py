@@ -86,6 +86,8 @@ class HandedThing:
             self.what.mass_kg,
         )
         if hand.holds:
+            # the wrist keeps level the weight that the hand lifts
+            torque -= _cross(self._lever(turn), np.array([0.0, 0.0, hand.lift_n]))
             at, world = (self.body, -1), pybullet.WORLD_FRAME
             self._client.applyExternalForce(*at, force.tolist(), point.tolist(), world)
             self._client.applyExternalTorque(*at, torque.tolist(), world)

@@ -6,7 +6,19 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from sim_bridge import GRAVITY_M_S2
-from sim_bridge.handover import CompliantHand, Giver, Manner, SeenRobot, Strength, Taker
+from sim_bridge.arm import TIME_STEP_S
+from sim_bridge.handover import (
+    HELD_SHARE,
+    CompliantHand,
+    Giver,
+    HandedThing,
+    Manner,
+    SeenRobot,
+    Strength,
+    Taker,
+    TransferObject,
+)
+from sim_bridge.physics import end_world, start_world
 
 STEP_S, MASS_KG = 0.001, 0.5
 WEIGHT_N = MASS_KG * GRAVITY_M_S2
@@ -43,6 +55,22 @@ def test_what_is_held_is_carried_and_the_arm_yields_by_its_stiffness():
     assert one.position_m[2] == pytest.approx(-WEIGHT_N / 200.0, abs=0.003)
     assert one.felt_n == pytest.approx(WEIGHT_N, abs=0.4)
     assert one.holds
+
+
+def test_a_long_object_is_held_level_at_one_end():
+    one, client = hand(), start_world()
+    client.setGravity(0.0, 0.0, -GRAVITY_M_S2)
+    client.setTimeStep(TIME_STEP_S)
+    rod = HandedThing(client, TransferObject(0.3, (0.01, 0.01, 0.2), 0.1), np.zeros(3))
+    one.position_m = one.target_m = np.array([HELD_SHARE * 0.2, 0.0, 0.0])
+    one.grasp(*rod.held_point())
+    one.lift_n = one.felt_n = 0.3 * GRAVITY_M_S2
+    for _ in range(1000):
+        rod.act(one)
+        client.stepSimulation()
+    turned = Rotation.from_quat(rod.pose()[1]).magnitude()
+    end_world(client)
+    assert turned == pytest.approx(0.0, abs=0.02)  # the grip alone lets it hang by 0.1
 
 
 def test_a_hand_that_expects_nothing_lets_a_sudden_weight_slip():
