@@ -28,12 +28,12 @@ from intent_recognition.errors import ArgumentError
 from intent_recognition.plans.file import Assembly
 from intent_recognition.plans.work_plan import (
     FOLLOWS,
+    LIKELY_BEFORE,
     SURE,
     USUAL_SLIP,
     Pair,
     WorkPlan,
     WorkStep,
-    closure,
     listed,
 )
 
@@ -64,7 +64,8 @@ def learn_plan(
     repetition that more than half contain. Further occurrences count as slips: a repeated step, or
     one done in vain before its last time.
 
-    Relations written by hand are kept, except those of steps that no longer exist.
+    Relations written by hand are kept, except those of steps that no longer exist; the others are
+    learned given those that must hold.
 
     Raises:
         ArgumentError: no task is in at least half of the assemblies.
@@ -79,20 +80,21 @@ def learn_plan(
         raise ArgumentError.about("assemblies", "a task that half of them hold", got, cure)
     number = {step: k for k, step in enumerate(steps)}
     sequences = [[number[step] for step in one if step is not None] for one in found]
-    before = np.minimum(sample_orders(sequences, len(steps), rng, N_SAMPLES), SURE)
-    liked = habits(sequences, before)
     names = [task if k == 1 else f"{task} {k}" for task, k in steps]
+    kept = {pair: p for pair, p in (by_hand or {}).items() if set(pair) <= set(names)}
+    must = [(names.index(i), names.index(j)) for (i, j), p in kept.items() if p > LIKELY_BEFORE]
+    before = np.minimum(sample_orders(sequences, len(steps), rng, N_SAMPLES, must), SURE)
+    liked = habits(sequences, before)
     relations = listed(names, np.where(before < FOLLOWS, 0.0, before))
     total = sum(map(len, found))
     slips = sum(step is None for one in found for step in one) / 2.0
     rate = round((slips + USUAL_SLIP * SLIP_WEIGHT) / (total + SLIP_WEIGHT), 4)
-    kept = {pair: p for pair, p in (by_hand or {}).items() if set(pair) <= set(names)}
     return WorkPlan(
         tuple(
             replace(_step(name, step, done, found), after=_listed(names, liked[:, k]))
             for k, (name, step) in enumerate(zip(names, steps, strict=True))
         ),
-        {pair: float(np.round(p, 3)) for pair, p in relations.items()},
+        {pair: float(np.round(p, 3)) for pair, p in relations.items() if pair not in kept},
         kept,
         repeated=rate,
         wrong=rate,
@@ -170,16 +172,17 @@ def _step(
     # Beta prior: one assembly in ten omits a step
     share = (len(records) + 1.0) / (len(assemblies) + 1.0 + 0.1)
     people = Counter(record.who for record in records if record.who)
+    used = [record.objects for record in records if record.objects]
     objects: Counter[str] = Counter()
-    for record in records:
-        objects.update(record.objects)
+    for one in used:
+        objects.update(one)
     durations = [record.duration_s for record in records if record.duration_s > 0.0]
     return WorkStep(
         name,
         step[0],
         round(share, 3),
         {who: round(n / people.total(), 3) for who, n in sorted(people.items())},
-        {kind: round(n / len(records), 2) for kind, n in sorted(objects.items())},
+        {kind: round(n / len(used), 2) for kind, n in sorted(objects.items())},
         round(float(np.median(durations)), 2) if durations else 0.0,
     )
 
@@ -213,20 +216,25 @@ class _Draws(NamedTuple):
 
 
 def sample_orders(
-    sequences: Sequence[Sequence[int]], n: int, rng: np.random.Generator, n_samples: int
+    sequences: Sequence[Sequence[int]],
+    n: int,
+    rng: np.random.Generator,
+    n_samples: int,
+    must: Sequence[tuple[int, int]] = (),
 ) -> Floats:
     """Posterior probability that step i must be done before step j, (n, n).
 
-    Each sequence holds an assembly's step numbers, below n, each at most once. The Markov chain of
-    `n_samples` steps starts with the relations that every assembly keeps.
+    Each sequence holds an assembly's step numbers, below n, each at most once. The pairs of steps
+    `must` are known to be in the order. The Markov chain of `n_samples` steps starts with them and
+    the relations that every assembly keeps.
     """
     draws = _Draws.of(sequences, n)
-    order = _kept_by_all(sequences, n)
+    order = _first_order(sequences, n, must)
     now = draws.log_posterior(order)
     total = np.zeros((n, n))
     pairs, limits = rng.integers(n, size=(n_samples, 2)), np.log(rng.random(n_samples))
     for t, (i, j) in enumerate(pairs.tolist()):
-        if _may_change(order, i, j):
+        if (i, j) not in must and _may_change(order, i, j):
             order[i, j] = 1.0 - order[i, j]
             then = draws.log_posterior(order)
             if limits[t] < then - now:
@@ -247,12 +255,16 @@ def _may_change(order: Floats, i: int, j: int) -> bool:
     return not (np.any(order[:, i] > order[:, j]) or np.any(order[j] > order[i]))
 
 
-def _kept_by_all(sequences: Sequence[Sequence[int]], n: int) -> Floats:
-    """Relations (n, n), without cycles: 1 if i came before j in every assembly that has both."""
+def _first_order(
+    sequences: Sequence[Sequence[int]], n: int, must: Sequence[tuple[int, int]]
+) -> Floats:
+    """Partial order (n, n) of the pairs `must` and of those that every assembly with both keeps."""
     seen = np.zeros((n, n))
     for one in sequences:
         for k, step in enumerate(one):
             seen[step, list(one[k + 1 :])] += 1.0
-    order = closure(((seen > 0.0) & (seen.T == 0.0)).astype(float))
-    order[(order > 0.0) & (order.T > 0.0)] = 0.0
+    order, single = np.zeros((n, n)), np.eye(n)
+    for i, j in (*must, *np.argwhere((seen > 0.0) & (seen.T == 0.0)).tolist()):
+        if not order[j, i]:
+            np.maximum(order, np.outer(order[:, i] + single[i], order[j] + single[j]), out=order)
     return order

@@ -58,7 +58,8 @@ class WorkPlan:
         steps: the steps, in a usual order.
         order: learned probability that the first step of a pair must be done before the second;
             relations implied by others are left out.
-        by_hand: relations written by a person: 1 for must, 0 for need not. They override `order`.
+        by_hand: relations written by a person: 1 for must, 0 for need not. They override `order`,
+            also where it has the two steps the other way round.
         repeated, wrong: probability that a movement repeats a done step, or does no step.
 
     Raises:
@@ -120,6 +121,10 @@ class WorkPlan:
                 pair = self.steps[i].name, step.name
                 if self.steps[i].task == step.task and pair not in self.by_hand:
                     found[i, j] = 1.0
+        for (first, then), p in self.by_hand.items():
+            if (then, first) not in self.by_hand:  # of both ways, at most one holds
+                i, j = place[then], place[first]
+                found[i, j] = min(found[i, j], 1.0 - p)
         found = closure(found)
         for (first, then), p in self.by_hand.items():
             found[place[first], place[then]] = p

@@ -16,13 +16,13 @@ def assemblies(*texts):
     return [tuple(map(DoneTask, text.split())) for text in texts]
 
 
-def exact(sequences, n):
-    """Posterior of all partial orders of n steps, by enumeration and loops."""
+def exact(sequences, n, must):
+    """Posterior of all partial orders of n steps with these pairs, by enumeration and loops."""
     total, weights = np.zeros((n, n)), 0.0
     cells = [(i, j) for i in range(n) for j in range(n) if i != j]
     for bits in product((0, 1), repeat=len(cells)):
         order = {cell for cell, bit in zip(cells, bits, strict=True) if bit}
-        if any((j, i) in order for i, j in order):
+        if any((j, i) in order for i, j in order) or not order.issuperset(must):
             continue
         if any((i, m) not in order for i, j in order for k, m in order if j == k):
             continue
@@ -39,19 +39,20 @@ def exact(sequences, n):
 
 
 @pytest.mark.parametrize(
-    "sequences",
+    ("sequences", "must"),
     [
-        [[0, 1, 2]],
-        [[0, 1, 2], [1, 0, 2]],
-        [[0, 1, 2]] * 3,
-        [[2, 0], [0, 1, 2]],
-        [[3, 1, 0], [1, 2]],
+        ([[0, 1, 2]], ()),
+        ([[0, 1, 2], [1, 0, 2]], ()),
+        ([[0, 1, 2]] * 3, ()),
+        ([[2, 0], [0, 1, 2]], ()),
+        ([[3, 1, 0], [1, 2]], ()),
+        ([[0, 1, 2]] * 3, ((2, 1), (1, 0))),
     ],
 )
-def test_sampled_relations_are_those_of_all_orders(sequences):
+def test_sampled_relations_are_those_of_all_orders(sequences, must):
     n = 1 + max(map(max, sequences))
-    sampled = sample_orders(sequences, n, np.random.default_rng(0), 60_000)
-    np.testing.assert_allclose(sampled, exact(sequences, n), atol=0.05)
+    sampled = sample_orders(sequences, n, np.random.default_rng(0), 60_000, must)
+    np.testing.assert_allclose(sampled, exact(sequences, n, must), atol=0.05)
 
 
 def test_steps_are_what_most_assemblies_hold(rng):
@@ -63,6 +64,7 @@ def test_steps_are_what_most_assemblies_hold(rng):
 def test_who_and_what_and_how_long(rng):
     done = [
         (DoneTask("a", "anna", {"screw": 2.0}, 1.0), DoneTask("b", "robot")),
+        (DoneTask("a"), DoneTask("b")),  # nobody wrote who, what, or how long
         (DoneTask("a", "ben", {"screw": 1.0}, 3.0), DoneTask("b", "robot")),
     ]
     a, b = learn_plan(done, rng).steps
@@ -88,6 +90,9 @@ def test_a_habit_is_what_was_chosen_of_several_not_what_had_to_come(rng):
 def test_relations_by_hand_are_kept_where_their_steps_are(rng):
     plan = learn_plan(assemblies("a b"), rng, {("b", "a"): 0.0, ("a", "z"): 1.0})
     assert plan.by_hand == {("b", "a"): 0.0}
+    plan = learn_plan(assemblies("a b c", "a b c"), rng, {("c", "a"): 1.0})
+    assert plan.by_hand == {("c", "a"): 1.0} and plan.before[2, 0] > 0.99
+    assert plan.before[0, 2] < 0.01 and ("c", "a") not in plan.order
 
 
 @pytest.mark.parametrize("done", [(), ("",), ("a", "b", "c")])

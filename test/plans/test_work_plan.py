@@ -23,6 +23,10 @@ def test_what_a_person_wrote_has_precedence():
     plan = WorkPlan(STEPS, learned, {("a", "c"): 0.0, ("c", "d"): 1.0})
     assert plan.before[0, 2] == 0.0
     assert plan.before[1, 3] == pytest.approx(0.9)
+    plan = WorkPlan(STEPS, learned, {("b", "a"): 1.0})
+    assert plan.before[0, 1] == plan.before[0, 2] == 0.0 and plan.before[1, 0] > 0.99
+    plan = WorkPlan((STEPS[0], WorkStep("a 2", "a")), {}, {("a 2", "a"): 1.0})
+    assert plan.before[0, 1] == 0.0 and plan.before[1, 0] > 0.99
 
 
 def test_the_second_time_comes_after_the_first():
