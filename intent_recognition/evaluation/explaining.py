@@ -107,7 +107,9 @@ def explain(
             continue
         task = run[k].state.active if run[k].state.acts else ""
         explained = task or estimate.labels[int(np.argmax(estimate.probabilities[:-1]))]
-        evidence = estimator.explain(explained)
+        order = [estimate.labels[one] for one in np.argsort(-estimate.probabilities)]
+        rival = None if task else next(one for one in order if one != explained)  # also none
+        evidence = estimator.explain(explained, rival)
         assert evidence is not None  # always so during a movement
         movement = [run[one] for one in moments[k]]
         times_s = [(one.estimate.stamp_ns - estimate.onset_ns) * 1e-9 for one in movement]

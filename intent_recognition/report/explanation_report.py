@@ -41,10 +41,9 @@ def explanation_page(explanations: Sequence[Explanation], title: str) -> html.Re
 def heading(one: Explanation) -> str:
     """The decision and its time, in words."""
     after = f"{one.after_s:.2f} s after onset"
-    rival = readable(one.evidence.rival)
-    if one.task:
-        return f"{readable(one.task)} rather than {rival}, {after}"
-    return f"no decision; nearest to it with {readable(one.evidence.task)}, {after}"
+    decided = "" if one.task else "no decision; nearest to it with "
+    task, rival = readable(one.evidence.task), readable(one.evidence.rival)
+    return f"{decided}{task} rather than {rival}, {after}"
 
 
 def without_rows(one: Explanation) -> list[tuple[str, float | None, str]]:

@@ -23,9 +23,10 @@ from intent_recognition.bags import BagReader
 from intent_recognition.cli.explain import print_explanation
 from intent_recognition.demonstrations import Source, iter_samples
 from intent_recognition.evaluation import explain, replay
+from intent_recognition.promp import NONE
 from intent_recognition.recognition import DecisionState, IntentEstimator, decide, decision_settings
 from intent_recognition.report import task_colours
-from intent_recognition.report.explanation_report import evidence_figure, without_rows
+from intent_recognition.report.explanation_report import evidence_figure, heading, without_rows
 
 
 @pytest.fixture(scope="module")
@@ -136,7 +137,7 @@ def test_replay_writes_the_same_page(run_command, model, bag, tmp_path):
 
 @pytest.mark.slow
 def test_a_movement_without_a_decision_is_explained_where_it_came_nearest(tmp_path):
-    model, stranger = learned_model(DOFS, TRUTH), true_library(DOFS, n_tasks=2, seed=77)
+    model, stranger = learned_model(DOFS, TRUTH), true_library(DOFS, n_tasks=2, seed=78)
     bag = write_recording(tmp_path / "bag", perform(stranger, 0, 3, rate_hz=25.0), DOFS)
     assert not any(row["active_task"] for row in replay(BagReader(bag), model))
     found = explain(BagReader(bag), model)
@@ -146,3 +147,7 @@ def test_a_movement_without_a_decision_is_explained_where_it_came_nearest(tmp_pa
         best = one.probabilities[:, :-1].max(axis=1)
         k = int(np.argmin(np.abs(one.times_s - one.after_s)))
         assert best[k] == best.max()
+        others = dict(zip(one.labels, one.probabilities[k], strict=True))
+        del others[one.evidence.task]
+        assert one.evidence.rival == max(others, key=others.get) == NONE
+        assert "rather than none" in heading(one)
