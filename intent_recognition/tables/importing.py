@@ -17,6 +17,7 @@ from intent_recognition.signals import LONGEST_LABEL, Rejection, from_tangent, h
 from intent_recognition.tables.cells import Values, convert, numbers, text_of, texts
 from intent_recognition.tables.doubts import Doubt, bag_doubts, certain_misfit, doubts
 from intent_recognition.tables.files import find_tables, name_below, open_table
+from intent_recognition.tables.flags import flags_of, seen_rows
 from intent_recognition.tables.import_map import (
     PLACEHOLDER,
     ColumnsOf,
@@ -59,7 +60,7 @@ class _Rows:
     known: Flags
     values: Floats
     zero_ns: int
-    hidden: str  # note on positions of a hidden body, "" for none
+    hidden: str  # note on rows of a hidden body, "" for none
 
 
 def import_demonstrations(source: Path, mapping: ImportMap) -> Iterator[Imported | Rejection]:
@@ -204,6 +205,7 @@ def _load(tables: Mapping[str, Table], mapping: ImportMap) -> dict[str, dict[str
         wanted[source.file] += source.columns
         time = source.time or mapping.time
         wanted[source.file] += time.columns if time is not None else ()
+        wanted[source.file] += _flags(source, tables[source.file])
     main = mapping.columns[0].file
     spoken = [mapping.task, *mapping.metadata.values()]
     wanted[main] += [text.column for text in spoken if text is not None and text.column]
@@ -232,15 +234,20 @@ def _rows(
         cure = "Name a time column of the same length, under time of the entry."
         raise BagError.about(str(table.source), "columns of one length", got, cure)
     values = np.column_stack(columns)
+    flags = {name: data[name] for name in _flags(source, table)}
+    unseen = ~seen_rows(flags, len(values))
+    values[unseen] = np.nan
+    said = f"by {', '.join(flags)} the body was not seen in some rows: they are not measured"
+    said *= bool(unseen.any())
     if source.entry.orientation and values.shape[1] == 3:  # as `intent export` writes it
         values = from_tangent(values, reference_of(source.entry))
-    said = ""
     if source.entry.unit == "m" and len(source.entry.fields) == 3:
         hidden = hidden_rows(values, table.must_say)
         if hidden.any():
             marker = source.columns[0].rpartition(".")[0] or source.entry.topic
             at = ", ".join(f"{number:.6g}" for number in values[hidden][0])
-            said = f"frames at exactly ({at}) are taken for occlusion: {marker} {hidden.sum()}"
+            said += "; " * bool(said)
+            said += f"frames at exactly ({at}) are taken for occlusion: {marker} {hidden.sum()}"
         values = np.where(hidden[:, None], np.nan, values)
     if time.column is None or time.unit == SAMPLES:
         if time.column is not None:
@@ -260,6 +267,12 @@ def _rows(
         known = known & np.isfinite(more)
         ns = ns + np.where(known, more, 0.0).astype(np.int64)
     return _Rows(source, ns, known, values, stamps.zero_ns, said)
+
+
+def _flags(source: ColumnsOf, table: Table) -> list[str]:
+    """Columns that say when the body of an entry was seen; none for joints."""
+    number = table.find(source.columns[0]) if source.columns and not source.entry.joints else None
+    return [] if number is None else flags_of(table.names, table.names[number])
 
 
 def _column(source: ColumnsOf, table: Table, name: str, cells: Values) -> Floats:

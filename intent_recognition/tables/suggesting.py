@@ -4,7 +4,7 @@
 import re
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from itertools import groupby
+from itertools import chain, groupby
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,6 +17,7 @@ from intent_recognition.errors import BagError, printable
 from intent_recognition.signals import LONGEST_LABEL, NONE, can_name_task, hidden_rows
 from intent_recognition.tables.cells import OF_IMAGE, numbers, texts
 from intent_recognition.tables.files import FileKind, file_kinds, find_tables, has_tables
+from intent_recognition.tables.flags import flags_of, seen_rows
 from intent_recognition.tables.suggested_entries import (
     MOST_SUGGESTED,
     SeenColumn,
@@ -172,6 +173,8 @@ def _part(
     turning = orientations_of(columns, bodies)
     time, time_note = _time(table, columns, labels, cut, places | turning)
     used = {str(time.get("column", "")), str(time.get("nanoseconds", "")), cut, *places, *turning}
+    flags = {b: flags_of(table.names, names[0]) for b, names in bodies.items()}
+    used |= {name for of in flags.values() for name in of}
     joints = [c for c in columns.values() if c.moves and c.name not in used and not counts_rows(c)]
     matrices = of_matrices(columns)
     others = [
@@ -195,6 +198,7 @@ def _part(
     measured = {}
     for body in moving:
         values = np.column_stack([columns[n].values for n in bodies[body]])
+        values[~seen_rows(table.columns(flags[body]), len(values))] = np.nan
         measured[body] = np.where(hidden_rows(values, True)[:, None], np.nan, values)
     unsaid = (of for body, of in measured.items() if not table.said_of(bodies[body][0]))
     farthest = max((float(np.nanmax(np.abs(of))) for of in unsaid), default=0.0)
@@ -220,6 +224,7 @@ def _part(
             ("They do not move", still),
             ("They move, and are no positions", others),
             ("Orientations", [n for n in columns if n in turning]),
+            ("They say when a body was seen", [*dict.fromkeys(chain(*flags.values()))]),
             ("Markers of these bodies", markers),
             ("Seldom seen", seldom),
             ("The same, a step later, or as commanded", later),
