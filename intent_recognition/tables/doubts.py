@@ -58,6 +58,7 @@ def certain_misfit(samples: Sequence[EntrySamples]) -> str | None:
 
 def doubts(parts: Sequence[tuple[EntrySamples, int]]) -> Iterator[str]:
     """Oddities of samples, each given with its number of dropped rows; they are still imported."""
+    yield from _two_clocks([part for part, _ in parts if not part.entry.context])
     for part, dropped in parts:
         rows = dropped + part.stamps_ns.size
         if dropped > 0.1 * rows:
@@ -89,6 +90,19 @@ def doubts(parts: Sequence[tuple[EntrySamples, int]]) -> Iterator[str]:
             yield (
                 f"{part.entry.topic} moves over {1e3 * extent:.3g} mm. Likely metres that are"
                 " called millimetres or centimetres: say in the map columns_unit: m."
+            )
+
+
+def _two_clocks(parts: Sequence[EntrySamples]) -> Iterator[str]:
+    """Report entries without any time in common with the first."""
+    for part in parts[1:]:
+        first_s, last_s = (part.stamps_ns[[0, -1]] - parts[0].stamps_ns[[-1, 0]]) * 1e-9
+        if max(first_s, -last_s) > 0.0:
+            where = f"begins {first_s:.3g} s after it ends"
+            where = where if first_s > 0.0 else f"ends {-last_s:.3g} s before it begins"
+            yield (
+                f"{part.entry.topic} does not overlap with {parts[0].entry.topic}: it {where}."
+                " Likely two clocks: see under time in the map."
             )
 
 

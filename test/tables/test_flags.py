@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Columns that say when a body was seen."""
+"""Columns that say when a body was seen, and streams of two clocks."""
 
 import numpy as np
 import pytest
@@ -56,3 +56,15 @@ def test_flags_count_for_columns_that_are_named_by_number(tmp_path):
     content = of_flag("wrist_valid", ~HIDDEN)
     found, _ = imported_csv(tmp_path, content, ["1", "2", "3"], unit="mm")
     assert np.array_equal(np.isnan(found.values[:, 0]), HIDDEN)
+
+
+@pytest.mark.parametrize("shift_s", [-9.0, 9.0])
+def test_streams_without_a_common_time_are_named(shift_s, tmp_path):
+    for name, at_s in (("human", 0.0), ("robot", shift_s)):
+        content = table("t,x,y,z", lambda k, at_s=at_s: [f"{TIMES_S[k] + at_s + 10}", *cells(k)])
+        (tmp_path / f"{name}.csv").write_text(content)
+    mapping = ImportMap.from_dict(yaml.safe_load(suggest_map(tmp_path)))
+    said, made = import_demonstrations(tmp_path, mapping)
+    side = "begins 7.01 s after it ends" if shift_s > 0 else "ends 7.01 s before it begins"
+    assert f"does not overlap with mocap/wrist/pose: it {side}" in said.reason
+    assert len(made.samples) == 2
