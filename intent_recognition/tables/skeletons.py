@@ -67,6 +67,7 @@ def open_bvh(path: Path) -> Table:
         lambda wanted: [columns[:, k] for k in wanted],
         units=degrees,
         reach=max(reach),
+        limbs=len({*range(len(joints))} - {joint.parent for joint in joints}),
         must_say=True,
         defaults={"time": {"rate": rate}} if rate else {},
         notes=(f"{len(values)} of {count} frames: the file ends after them",) if is_cut else (),

@@ -19,13 +19,18 @@ from intent_recognition.demonstrations import FIRST_MESSAGES, is_deleted, is_pat
 from intent_recognition.errors import BagError
 from intent_recognition.signals import POSITION_FIELDS, spelled
 from intent_recognition.tables.by_body import naming_key
-from intent_recognition.tables.cells import ANGLES, scale_between
+from intent_recognition.tables.cells import ANGLES, convert, scale_between
 from intent_recognition.tables.files import name_pattern
 from intent_recognition.tables.table import NO_MOTION, Table
 
 FARTHEST = {"m": 20.0, "rad": 4.0 * np.pi, "skeleton": 3.0}
 """Largest number in the basic unit; larger ones mean another unit [m, rad]: a lab, two turns, and
 for a skeleton more than a person from a hand to the other foot."""
+LIMBS = 4
+"""Least number of ends of a whole person's skeleton: hands, feet, and mostly a head."""
+LONGEST_LIMB_M = (0.6, 1.52)
+"""Longest chain of bones from a person's hips [m]: of a child to the wrist, of a tall adult to the
+fingertips. As an inch is 2.54 cm, a skeleton is of this size in one unit only."""
 MOST_SUGGESTED = 8
 """Most bodies in a suggestion, of which a person is asked to delete those not needed."""
 JOINT = re.compile(r"(?:.*?[./])?(?P<joint>[^./]*[^./\d][^./]*)(?:[./](?:position|pos|q))?$")
@@ -149,6 +154,10 @@ def _unit_of(table: Table, names: Sequence[str], farthest: float, base: str) -> 
         is_known = said != base and scale_between(said, base) is not None
         return (said if is_known else ""), "from the file"
     is_skeleton = base == "m" and table.reach > 0.0
+    for unit in ("m", "cm", "mm", "in", "ft") if is_skeleton and table.limbs >= LIMBS else ():
+        limb_m = float(convert(np.array(table.reach), unit, "m"))
+        if LONGEST_LIMB_M[0] <= limb_m <= LONGEST_LIMB_M[1]:
+            return unit, f"guessed: hands or feet are then up to {limb_m:.2g} m from the hips"
     farthest = table.reach if is_skeleton else farthest
     if farthest <= FARTHEST["skeleton" if is_skeleton else base]:
         is_asked = table.must_say and base == "m"

@@ -46,6 +46,7 @@ class Table:
     # units of single columns, by index; other columns may have a unit at the end of their name
     units: Mapping[int, str] = field(default_factory=dict)
     reach: float = 0.0  # length of a skeleton's longest chain of bones, in an unknown unit
+    limbs: int = 0  # number of a skeleton's ends
     must_say: bool = False  # whether the map must give the unit if the file does not
     # settings found in the file, under the keys of a map: time, segments, task
     defaults: Mapping[str, object] = field(default_factory=dict)

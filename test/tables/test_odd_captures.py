@@ -197,11 +197,33 @@ def test_places_of_forces_of_opensim_are_metres_and_frames_of_bvh_have_decimal_c
     check_wrist(imported(tmp_path, "b.bvh", content, columns, unit="mm"), EXPORTED / 1000)
 
 
+UNITS_PER_M = {"m": 1.0, "cm": 100.0, "mm": 1000.0, "in": 1 / 0.0254, "ft": 1 / 0.3048}
+
+
 @pytest.mark.parametrize(("bone", "unit"), [(0.5, "m"), (50.0, "cm"), (500.0, "mm")])
 def test_the_unit_of_a_skeleton_is_guessed_by_its_size_not_by_where_it_walks(bone, unit, tmp_path):
     text = bvh(tmp_path).read_text().replace("OFFSET 0 500 0", f"OFFSET 0 {bone} 0")
     (tmp_path / "a.bvh").write_text(text)  # its hips are 900 of its units away
     assert f"columns_unit: {unit}  # guessed: {bone:g} m" in suggest_map(tmp_path / "a.bvh")
+
+
+@pytest.mark.parametrize(("unit", "per_m"), UNITS_PER_M.items())
+def test_the_unit_of_a_whole_person_is_that_in_which_it_has_the_size_of_one(unit, per_m, tmp_path):
+    def joint(name, offset, *below, word="JOINT"):
+        at = " ".join(f"{per_m * x:.5f}" for x in offset)
+        channels = "CHANNELS 3 Zrotation Xrotation Yrotation"
+        return "\n".join([f"{word} {name}", "{", f"OFFSET {at}", channels, *below, "}"])
+
+    limbs = [joint(f"{side}Foot", (x, -0.9, 0)) for side, x in (("Left", 0.1), ("Right", -0.1))]
+    arms = [joint(f"{side}Hand", (x, 0, 0)) for side, x in (("Left", 0.7), ("Right", -0.7))]
+    chest = joint("Chest", (0, 0.5, 0), joint("Head", (0, 0.3, 0)), *arms)
+    text = joint("Hips", (0, 0, 0), *limbs, chest, word="ROOT")
+    frames = "\n".join(f"{9 * '0 '} {k} {11 * '0 '}" for k in range(20))
+    path = tmp_path / "a.bvh"
+    path.write_text(f"HIERARCHY\n{text}\nMOTION\nFrames: 20\nFrame Time: 0.01\n{frames}\n")
+    suggestion = yaml.safe_load(suggest_map(path))
+    entries = suggestion["observed"] + suggestion.get("controlled", [])
+    assert {entry["columns_unit"] for entry in entries} == {unit}
 
 
 def test_states_of_opensim_by_their_paths(tmp_path):
