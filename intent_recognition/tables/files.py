@@ -210,18 +210,18 @@ def _kinds_of_parts(source: Path, parts: Mapping[str, Mapping[str, Path]]) -> li
 
     Empty unless there are several, with names of their own and mostly other columns, as those with
     the same may be of several tasks; the columns do not matter where others are named like a
-    robot's file but for the robot, such as `give_human` beside `give_robot`.
+    robot's file but for the robot, such as `give_human` or `give_robot_right` beside `give_robot`.
     """
     stems = [Path(name).stem for name in parts]
     rests = [OF_ROBOT.split(stem) for stem in stems if OF_ROBOT.search(stem)]
     are_pairs = any(all(part in stem for stem in stems for part in rest) for rest in rests)
-    are_pairs = are_pairs and len(rests) < len(stems)
+    is_named = are_pairs or 0 < len(rests) < len(stems)
     counts = Counter(chain.from_iterable(parts.values()))
     shared = {recording for recording, count in counts.items() if count > 1}
     most = max(map(len, parts.values()), default=0)
     found: list[FileKind] = []
     for name, files in parts.items():
-        is_whole = 0 < len(rests) < len(stems) and all(p.parent == source for p in files.values())
+        is_whole = is_named and all(path.parent == source for path in files.values())
         is_whole = is_whole or "{number}" in name
         pattern = name if is_whole else _pattern_of_folders(source, name, files)
         if not pattern or 2 * len(files.keys() & shared) <= most:

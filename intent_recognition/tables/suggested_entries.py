@@ -129,6 +129,15 @@ def person_first(entries: Sequence[list[str]]) -> list[list[str]]:
     return sorted(entries, key=lambda entry: bool(OF_ROBOT.search(" ".join(entry[:3]))))
 
 
+def note_on_observed(entries: Sequence[list[str]]) -> list[str]:
+    """A comment if the entry that is suggested as observed is of joints, or named like a robot."""
+    what = " ".join(entries[0][:3])
+    if JOINT_STATE in what:
+        return ["# Note: no places were found, only joints. The first are observed."]
+    of_robots = ["# Note: by their names all are of a robot. The first is observed."]
+    return of_robots * bool(OF_ROBOT.search(what))
+
+
 def is_angle(table: Table, name: str) -> bool:
     """Whether a column may be an angle, by its unit in the file."""
     return _said(table, name) in ("", *ANGLES)
@@ -214,7 +223,7 @@ def suggest_of_bags(source: Path, bags: Sequence[Path]) -> str:
         "# Delete what is not needed, move what the robot does to `controlled`. Bags that are",
         "# labelled, or shall have no label, need no import: intent train takes them.",
         *([] if reader.custom_data.get("task") else [named]),
-        *([] if poses else ["# Note: no places were found, only joints. The first are observed."]),
+        *note_on_observed(entries),
         "observed:",
         *entries[0],
         *(["controlled:"] if entries[1:] else []),

@@ -27,6 +27,7 @@ from intent_recognition.tables.suggested_entries import (
     is_angle,
     is_length,
     joints_entry,
+    note_on_observed,
     person_first,
     suggest_of_bags,
 )
@@ -101,6 +102,7 @@ def suggest_map(source: Path) -> str:
         *(f"# Suggested from {part.source}" for part in parts),
         "# Delete what you do not need, name the topics, move the robot's to `controlled`.",
         *(f"# Note: {note}" for part in parts for note in part.notes),
+        *note_on_observed(entries),
         *_files(taken, several),
         "observed:",
         *entries[0],

@@ -444,19 +444,21 @@ FLAT = ("{1}_{0}.csv", "give_{}_{}.csv", "{1}.csv", "give_{1}.csv")
 
 
 @pytest.mark.parametrize("name", NESTED + FLAT)
-@pytest.mark.parametrize("robots", [["robot"], ["robot_left", "robot_right"]])
-def test_the_robots_files_may_have_the_columns_of_the_persons(name, robots, tmp_path):
-    for k, who in product((1, 2), ("human", *robots)):
+@pytest.mark.parametrize(
+    "kinds",
+    [["human", "robot"], ["human", "robot_left", "robot_right"], ["robot_left", "robot_right"]],
+)
+def test_the_robots_files_may_have_the_columns_of_other_agents(name, kinds, tmp_path):
+    for k, who in product((1, 2), kinds):
         path = tmp_path / name.format(k, who)
         path.parent.mkdir(exist_ok=True)
         path.write_text(plain())
-    content, _, found = suggested(tmp_path)
-    assert [one.removeprefix("give_") for one in content["files"]] == ["human", *robots]
+    content, text, found = suggested(tmp_path)
+    assert [one.removeprefix("give_") for one in content["files"]] == kinds
     assert len(found) == (2 if "{}" in name or "{0}" in name else 1)
     observed, *controlled = (*content["observed"], *content["controlled"])
-    assert [one["file"].removeprefix("give_") for one in (observed, *controlled)] == [
-        "human", *robots
-    ]  # fmt: skip
+    assert [one["file"].removeprefix("give_") for one in (observed, *controlled)] == kinds
+    assert ("# Note: by their names all are of a robot." in text) == ("human" not in kinds)
 
 
 def test_numbers_of_bodies_in_folders_of_recordings_are_no_numbers_of_recordings(tmp_path):
