@@ -270,7 +270,7 @@ def _places(
         part, below = getattr(value, name), f"{path}.{name}".lstrip(".")
         if not isinstance(part, list):
             yield from _places(part, below)
-        elif "[" not in path and hasattr(part[0] if part else None, "__slots__"):
+        elif hasattr(part[0] if part else None, "__slots__"):
             key = naming_key([{own: getattr(one, own) for own in one.__slots__} for one in part])
             for k, one in enumerate(part):
                 own = f"{below}[{key}={getattr(one, key)}]" if key else ""

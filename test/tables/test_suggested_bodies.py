@@ -42,6 +42,8 @@ LAB = {
     "lab_msgs/msg/Marks": "std_msgs/Header header\nlab_msgs/Mark[] bodies\n",
     "lab_msgs/msg/Marker": "string name\nint32 marker_index\ngeometry_msgs/Point translation\n",
     "lab_msgs/msg/Markers": "std_msgs/Header header\nlab_msgs/Marker[] markers\n",
+    "lab_msgs/msg/Person": "string name\nlab_msgs/Marker[] joints\n",
+    "lab_msgs/msg/People": "std_msgs/Header header\nlab_msgs/Person[] people\n",
     "lab_msgs/msg/Hand": "bool seen\ngeometry_msgs/Point palm_center\n",
 }
 
@@ -86,6 +88,26 @@ def test_bodies_in_any_message_that_holds_their_places_are_suggested(kind, tmp_p
     for k, one in enumerate(BagReader(tmp_path / "bags/give_00").messages(["/bodies"])):
         found = [extract(place, one.message).tolist() for place in places]
         assert found == [[k, 2.0, n] for n in range(count)]
+
+
+@pytest.mark.usefixtures("_lab_msgs")
+def test_the_joints_of_each_person_in_nested_arrays_are_suggested(tmp_path):
+    def person(name, k):
+        places = [{"x": k / 10, "y": 1.0}, {"y": k / 5}]
+        joints = [{"name": n, "translation": at} for n, at in zip(("hand", "foot"), places)]
+        return {"name": name, "joints": joints[:: -1 if k % 2 else 1]}
+
+    with BagWriter(tmp_path / "give_00", flush_period_s=None) as writer:
+        for k in range(5):
+            people = [person(name, k) for name in ("ann", "ben")][:: -1 if k % 2 else 1]
+            content = {"header": {"stamp": START_NS + k}, "people": people}
+            writer.write_message("/people", "lab_msgs/msg/People", content, START_NS + k)
+    mapping = ImportMap.from_dict(yaml.safe_load(suggest_map(tmp_path)))
+    entries = (*mapping.dofs.observed, *mapping.dofs.controlled)
+    assert entries[0].fields[0] == "people[name=ann].joints[name=hand].translation.x"
+    for k, one in enumerate(BagReader(tmp_path / "give_00").messages(["/people"])):
+        found = [extract(entry, one.message).tolist() for entry in entries]
+        assert found == [[k / 10, 1.0, 0.0], [0.0, k / 5, 0.0]] * 2
 
 
 def test_of_many_bodies_those_that_move_are_suggested_first(tmp_path):
