@@ -234,7 +234,7 @@ def _signal(
         cure = "Pass one row per time and one column per DOF."
         if samples.ndim == 2 and samples.shape[1] == times.size:
             cure = f"Pass it transposed: {argument}.T."
-        elif samples.ndim < 2 and argument == "robot" and samples.size in (0, times.size):
+        elif samples.ndim < 2 and argument == "robot" and samples.size in (0, 1, times.size):
             cure = "Pass robot[:, None] for one joint; numpy.empty((T, 0)) without a robot."
         elif samples.ndim == 2 and argument == "robot" and times_name == "times_s":
             cure = "Pass its own times as robot_times_s, or one row per time of the human."

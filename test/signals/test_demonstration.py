@@ -69,6 +69,7 @@ def test_rows_that_were_not_measured_or_are_masked_are_left_out():
         ([], [], [], {}, ArgumentError, "times_s: expected at least 4 times, got none"),
         (TIMES_S, HUMAN, ROBOT[:, 0], {}, ShapeError, r"robot\[:, None\] for one joint"),
         (TIMES_S, HUMAN, [], {}, ShapeError, r"numpy.empty\(\(T, 0\)\) without a robot"),
+        (TIMES_S, HUMAN, None, {}, ShapeError, r"numpy.empty\(\(T, 0\)\) without a robot"),
         (TIMES_S, HUMAN.T, ROBOT, {}, ShapeError, "Pass it transposed: human.T"),
         (TIMES_S, HUMAN + 1j, ROBOT, {}, ShapeError, "human: .*complex numbers"),
         (TIMES_S, HUMAN, ROBOT, {"observed_unit": "Meters"}, ArgumentError, "Write 'm'"),
