@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Resampled demonstrations, the scales that compare their DOFs, and the choice of a reference."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, ShapeError
-from intent_recognition.signals import MIN_SAMPLES, Signal
+from intent_recognition.signals import MIN_SAMPLES, Signal, as_numbers
 
 
 class Template(NamedTuple):
@@ -50,13 +50,16 @@ def resample(trajectories: Sequence[Floats] | Floats, n_grid: int, smoothing: fl
 
     They are smoothed by a kernel whose width in phase is `smoothing`.
     """
-    arrays = [np.asarray(values, dtype=np.float64) for values in trajectories]
+    cure = "Resample each demonstration over its phase."
+    if not isinstance(trajectories, Iterable):
+        got = f"one {type(trajectories).__name__}"
+        raise ShapeError.about("trajectories", "a list of arrays (T, D)", got, cure)
+    arrays = [as_numbers(f"trajectories[{k}]", of, cure) for k, of in enumerate(trajectories)]
     shapes = [values.shape for values in arrays]
     good = shapes and all(len(s) == 2 and s[0] >= MIN_SAMPLES and s[1] >= 1 for s in shapes)
     if not good or len({s[1] for s in shapes}) > 1:
         expected = f"arrays (T, D) of at least {MIN_SAMPLES} samples and the same DOFs"
         got = ", ".join(map(str, dict.fromkeys(shapes))) or "none"
-        cure = "Resample each demonstration over its phase."
         raise ShapeError.about("trajectories", expected, got, cure)
     for number, values in enumerate(arrays):
         if not np.all(np.isfinite(values)):

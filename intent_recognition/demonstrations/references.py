@@ -13,7 +13,7 @@ from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.fields import extract_present, stamp_of
 from intent_recognition.demonstrations.folders import Paths, as_paths, find_bags
 from intent_recognition.demonstrations.hand_poses import hand_numbers, read_by_joints
-from intent_recognition.errors import ArgumentError, BagError, DofError
+from intent_recognition.errors import ArgumentError, BagError, DofError, check_type
 from intent_recognition.signals import mean_orientation
 from intent_recognition.tracking import Extrinsics, IngestSettings, frame_name, multiply_quaternions
 
@@ -27,6 +27,7 @@ def settle_orientations(dofs: DofSpec, paths: Paths) -> DofSpec:
         BagError: a path does not exist.
         DofError: no recording has a measured orientation for an entry.
     """
+    check_type("dofs", dofs, DofSpec, "Read it with `load_dofs(path)`, and pass it first.")
     if all(entry.reference for entry in dofs.recorded if entry.orientation):
         return dofs
     bags = [bag for path in as_paths(paths) for bag in find_bags(path)]

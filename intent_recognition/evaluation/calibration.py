@@ -10,7 +10,9 @@ import numpy as np
 from scipy.special import ndtri
 
 from intent_recognition.array_types import Floats, Integers
+from intent_recognition.errors import ArgumentError, ShapeError, check_whole
 from intent_recognition.promp import NONE
+from intent_recognition.signals import as_numbers
 
 INTERVALS = (0.5, 0.6827, 0.8, 0.9, 0.9545, 0.99)
 """Probabilities of the normal distribution's central intervals that are compared."""
@@ -129,8 +131,21 @@ def reliability_bins(
         probabilities: (n,) in [0, 1].
         truth: (n,) 1 where the event happened, else 0.
         n_bins: number B of bins, which have equal width.
+
+    Raises:
+        ShapeError: there is not one truth for each probability.
+        ArgumentError: a number is no probability, or there is no bin.
     """
-    probabilities, truth = np.asarray(probabilities, float), np.asarray(truth, float)
+    check_whole("n_bins", n_bins, 1, "Pass 10, for instance.")
+    given = {"probabilities": probabilities, "truth": truth}
+    probabilities, truth = (as_numbers(argument, of) for argument, of in given.items())
+    if probabilities.ndim != 1 or truth.shape != probabilities.shape:
+        got, cure = f"{probabilities.shape} and {truth.shape}", "Pass one truth for each."
+        raise ShapeError.about("probabilities, truth", "shape (n,) of both", got, cure)
+    for argument, of in (("probabilities", probabilities), ("truth", truth)):
+        if not np.all((of >= 0.0) & (of <= 1.0)):  # also where one is NaN
+            got, cure = of[~((of >= 0.0) & (of <= 1.0))][0], "Leave out what is not known."
+            raise ArgumentError.about(argument, "numbers from 0 to 1", got, cure)
     bins = np.minimum((probabilities * n_bins).astype(int), n_bins - 1)
     counts = np.bincount(bins, minlength=n_bins)
     divisor = np.where(counts > 0, counts, np.nan)

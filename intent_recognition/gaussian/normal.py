@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import cho_solve
 
 from intent_recognition.array_types import Floats, Integers, brief
-from intent_recognition.errors import ShapeError
+from intent_recognition.errors import ArgumentError, ShapeError, check_type
 from intent_recognition.gaussian.linalg import (
     cholesky,
     half_log_det,
@@ -41,9 +41,34 @@ def marginal(distribution: Gaussian, index: Integers) -> Gaussian:
 
     Args:
         distribution: distribution over vectors (d,).
-        index: elements to keep, (m,).
+        index: elements to keep, (m,), each from -d to d - 1.
+
+    Raises:
+        ShapeError: mean and covariance do not fit each other.
+        ArgumentError: the distribution is no Gaussian, or has no such element.
     """
+    distribution, elements = (
+        _as_arrays("distribution", distribution),
+        np.arange(len(distribution[0])),
+    )
+    try:
+        index = elements[np.asarray(index)]
+    except IndexError as error:
+        cure = "Number the elements from 0 on."
+        expected = f"whole numbers below {elements.size}"
+        raise ArgumentError.about("index", expected, index, cure) from error
     return Gaussian(distribution.mean[index], distribution.covariance[np.ix_(index, index)])
+
+
+def _as_arrays(argument: str, distribution: Gaussian) -> Gaussian:
+    """Check one distribution that a caller made, perhaps of lists, and convert it to arrays."""
+    check_type(argument, distribution, Gaussian, "Pass Gaussian(mean, covariance).")
+    made = Gaussian(*(np.asarray(part, dtype=np.float64) for part in distribution))
+    if made.mean.ndim != 1 or made.covariance.shape != 2 * made.mean.shape:
+        got = f"{made.mean.shape} and {made.covariance.shape}"
+        cure = "Pass numpy.diag(variances) if the elements are independent."
+        raise ShapeError.about(argument, "mean (d,) and covariance (d, d)", got, cure)
+    return made
 
 
 def whiten_innovation(
@@ -96,17 +121,18 @@ def condition(
         The posterior of w and the log evidence log p(y).
 
     Raises:
-        ShapeError: H, y and R do not fit each other.
-        ArgumentError: the innovation covariance is not positive definite.
+        ShapeError: H, y, R and the prior do not fit each other.
+        ArgumentError: the prior is no Gaussian, or the innovation covariance is not positive
+            definite.
     """
-    m, d = np.shape(observation_matrix)
-    if (
-        np.shape(observation) != (m,)
-        or np.shape(noise_covariance) != (m, m)
-        or d != prior.mean.size
-    ):
+    prior = _as_arrays("prior", prior)
+    given = observation_matrix, observation, noise_covariance
+    observation_matrix, observation, noise_covariance = (np.asarray(one, float) for one in given)
+    m = observation_matrix.shape[0] if observation_matrix.ndim else 0
+    shapes = observation_matrix.shape, observation.shape, noise_covariance.shape
+    if shapes != ((m, prior.mean.size), (m,), (m, m)):
         expected = f"y ({m},), R ({m}, {m}) and {prior.mean.size} columns in H"
-        got = f"y {np.shape(observation)}, R {np.shape(noise_covariance)}, H ({m}, {d})"
+        got = f"y {shapes[1]}, R {shapes[2]}, H {shapes[0]}"
         cure = "Give H one row per observed value and one column per weight."
         raise ShapeError.about("observation", expected, got, cure)
     cross = observation_matrix @ prior.covariance
