@@ -85,7 +85,10 @@ def to_pose(position: Floats, quaternion: Floats) -> Pose:
 
 
 class OdometryBuilder:
-    """Odometry of a body, built as by `TrajectoryBuilder`; `UNKNOWN_VARIANCE`: not measured."""
+    """Odometry messages of a body, built by overwriting one message as `TrajectoryBuilder` does.
+
+    What was not measured has `UNKNOWN_VARIANCE`.
+    """
 
     def __init__(self, body: str, world_frame: str):
         self._message = message = Odometry(child_frame_id=f"{body}_world_aligned")
@@ -95,7 +98,7 @@ class OdometryBuilder:
         self._placed[:] = self._moving[:] = _UNKNOWN
 
     def build(self, pose: TrackedPose, orientation_variance: float) -> Odometry:
-        """Fill the message; the variance is that of a measured orientation [rad^2]."""
+        """Fill the message; `orientation_variance` is that of a measured orientation [rad^2]."""
         message, stamp = self._message, self._message.header.stamp
         at, turn = message.pose.pose.position, message.pose.pose.orientation
         linear, velocity = message.twist.twist.linear, pose.velocity or _NO_VELOCITY
@@ -215,7 +218,7 @@ class TrajectoryBuilder:
             expected = f"shape {(count, width)}"
             raise ShapeError.about(field, expected, rows.shape, "One row a time.")
         memory = self._memory.get(field, [])
-        if len(memory) < count or len(memory[0]) != width:
+        if len(memory) < count or (memory and len(memory[0]) != width):
             for point in self._points:
                 setattr(point, field, array("d", bytes(8 * width)))
             self._memory[field] = memory = [memoryview(getattr(p, field)) for p in self._points]
