@@ -172,8 +172,7 @@ class Diagnostics:
         """Count one message of `stream`."""
         self._totals[stream] += 1
         self._in_period[stream] += 1
-        self._heard_s[stream] = self._clock()
-        self._heard_ns[stream] = simulated_ns(self._node) or 0
+        self._note_time(stream)
 
     def silent_s(self, stream: str) -> float:
         """Time [s] since a message of `stream`; before any, since its watch or the start.
@@ -222,7 +221,7 @@ class Diagnostics:
         self._totals[stream] += 0
         if needed:
             self._needed.add(stream)
-            self._heard_s[stream] = self._clock()
+            self._note_time(stream)
 
     def unwatch(self, subscriptions: Collection[Subscription]) -> None:
         """Stop watching subscriptions that are closed."""
@@ -272,6 +271,10 @@ class Diagnostics:
             hardware_id=socket.gethostname(),
             values=key_values(rows),
         )
+
+    def _note_time(self, stream: str) -> None:
+        self._heard_s[stream] = self._clock()
+        self._heard_ns[stream] = simulated_ns(self._node) or 0
 
     def _missing(self, now_s: float) -> str:
         """Text on what the node has lacked for a while, or on a second /clock; else empty."""

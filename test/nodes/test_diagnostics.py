@@ -120,8 +120,13 @@ def test_silence_is_that_of_slow_simulated_time_while_somebody_publishes_it(harn
     harness.set_clock(node, 1_100_000_000)
     assert diagnostics.silent_s("pose") == pytest.approx(0.1)
     assert diagnostics.silent_s("never") == pytest.approx(1.1)
+    subscription = node.create_subscription(PoseStamped, "later", lambda _: None, 1)
+    diagnostics.watch(subscription, "later", needed=True)
+    clock.now_s += 2.0
+    harness.set_clock(node, 1_300_000_000)
+    assert diagnostics.silent_s("later") == pytest.approx(0.2)
     node.destroy_publisher(source)
-    assert diagnostics.silent_s("pose") == pytest.approx(2.0)
+    assert diagnostics.silent_s("pose") == pytest.approx(4.0)
 
 
 def test_a_status_warns_of_simulated_time_without_a_clock(harness):
