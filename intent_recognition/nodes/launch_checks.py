@@ -19,6 +19,8 @@ NEEDS = {"sim_bridge": "pybullet", "intent_recognition.dashboard": "viser"}
 """For each package with nodes, a module that these need in addition."""
 OF_EVERY_NODE = ("use_sim_time", "start_type_description_service", "qos_overrides")
 """Parameters that rclpy declares in every node (the part of the name before a dot)."""
+OF_LAUNCH = ("launch-prefix", "launch-prefix-filter")
+"""Arguments that every launch file has."""
 FILES = ("model", "bag", "dofs", "skill")
 """Arguments that name a file or folder."""
 FILES_OR_NAMES = ("sequences", "plan", "task_list", "scene")
@@ -39,7 +41,7 @@ def check_arguments(file: str, known: Sequence[str], command: Sequence[str]) -> 
         return
     for word in command:
         name, assigned, _ = word.partition(":=")
-        if assigned and name not in known:
+        if assigned and name not in (*known, *OF_LAUNCH):
             cure = nearest(name, known, "Leave it away.")
             expected = f"one of {', '.join(known)}"
             raise ArgumentError.about(f"argument of {file}", expected, name, cure)

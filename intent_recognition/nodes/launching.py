@@ -20,7 +20,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 from intent_recognition.errors import IntentError
 from intent_recognition.nodes.graph import GRAPHS, NodeCall, arguments_of, resolve
 from intent_recognition.nodes.launch_checks import check_arguments, check_needs, check_sections
-from intent_recognition.nodes.params_files import params_path, section_of
+from intent_recognition.nodes.params_files import parameters_in, params_files
 from intent_recognition.nodes.processes import transport
 from intent_recognition.share import share_path
 
@@ -67,19 +67,23 @@ def _start(
     outer = context.launch_configurations.get("ros_namespace", "")  # that of PushRosNamespace
     given["namespace"] = "/".join(filter(None, (outer.strip("/"), given["namespace"].strip("/"))))
     values = arguments_of(graph, given)
-    users, arm = values.get("params_file"), str(values.get("arm", ""))
-    files = [str(share_path(GRAPHS[graph].params)), *([params_path(str(users))] if users else [])]
+    files, arm = params_files(graph, values), str(values.get("arm", ""))
     describe_arm = partial(robot_description, arm)
     calls = resolve(graph, given, of_arm(arm))
     check_needs(calls, values)
-    if users:
-        check_sections(files[-1], calls)
-    prefix = None
-    if "launch-prefix" not in context.launch_configurations:  # such as a debugger
-        with suppress(OSError):
-            tried = run([*QUIET, "true"], capture_output=True)
-            prefix = None if tried.returncode else shlex.join(QUIET)
+    for users in files[1:]:
+        check_sections(users, calls)
+    prefix = _prefix(context)
     return [_node(call, files, describe_arm, prefix if call.module else None) for call in calls]
+
+
+def _prefix(context: LaunchContext) -> str | None:
+    """`QUIET`; None where env has no such option, or a prefix is given, such as a debugger."""
+    if "launch-prefix" not in context.launch_configurations:
+        with suppress(OSError):
+            if run([*QUIET, "true"], capture_output=True).returncode == 0:
+                return shlex.join(QUIET)
+    return None
 
 
 def _node(
@@ -93,9 +97,8 @@ def _node(
         name: ParameterValue(value, value_type=str) if isinstance(value, str) else value
         for name, value in parameters.items()
     }
-    named = call.name != call.executable
     of_executable = replace(call, name=call.executable)
-    own = [section_of(file, of_executable) for file in files] if named else []
+    own = [parameters_in(files, of_executable)] if call.name != call.executable else []
     return Node(
         package=call.package,
         executable=call.executable,

@@ -17,10 +17,10 @@ from intent_recognition.demonstrations import load_dofs
 from intent_recognition.errors import ArgumentError, IntentError, one_line
 from intent_recognition.model import load_model
 from intent_recognition.nodes.graph import GRAPHS, NODES, NodeCall, arguments_of, resolve
-from intent_recognition.nodes.params_files import params_path, section_of
+from intent_recognition.nodes.params_files import parameters_in, params_files
 from intent_recognition.nodes.people import ANYBODY
 from intent_recognition.registry import BODY, HEARD, SAMPLED
-from intent_recognition.share import PACKAGE, share_path
+from intent_recognition.share import PACKAGE
 
 PARAMETER_SERVICES = (
     *("~/describe_parameters", "~/get_parameter_types", "~/get_parameters", "~/list_parameters"),
@@ -49,8 +49,7 @@ def policy(graph: str, given: Mapping[str, object]) -> str:
             names.
     """
     values = arguments_of(graph, given)
-    files = [str(share_path(GRAPHS[graph].params))]
-    files += [params_path(str(values["params_file"]))] if "params_file" in values else []
+    files = params_files(graph, values)
     calls = [call for call in resolve(graph, given) if call.package == PACKAGE]
     calls = [replace(call, parameters=_parameters(call, files)) for call in calls]
     path = str(values.get("dofs", "")) or None
@@ -75,11 +74,8 @@ def policy(graph: str, given: Mapping[str, object]) -> str:
 
 def _parameters(call: NodeCall, files: Sequence[str]) -> dict[str, object]:
     """Parameters of a node as launched: those of a later file, then of the launch, override."""
-    found: dict[str, object] = {}
-    for one in (replace(call, name=call.executable), call):
-        for file in files:
-            found |= section_of(file, one)
-    return found | call.parameters
+    of_executable = parameters_in(files, replace(call, name=call.executable))
+    return of_executable | parameters_in(files, call) | call.parameters
 
 
 def _texts(calls: Sequence[NodeCall], name: str) -> set[str]:

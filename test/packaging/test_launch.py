@@ -77,6 +77,14 @@ def test_interrupts_wait_until_a_node_can_end_at_them(describe):
     assert {call.options["prefix"] for call in calls} == {None}
 
 
+@pytest.mark.parametrize("name", ["env", "other"])
+def test_nodes_start_where_env_cannot_block_interrupts(describe, monkeypatch, tmp_path, name):
+    (tmp_path / name).write_text("#!/bin/sh\nexit 125\n")
+    (tmp_path / name).chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert {node["prefix"] for node in start(describe("demo")).values()} == {None}
+
+
 @pytest.mark.parametrize("section", ["object_warper", "/cell1/object_warper", "/**/object_warper"])
 def test_both_warpers_take_the_section_of_their_executable(describe, tmp_path, section):
     own = tmp_path / "mine.yaml"
@@ -84,7 +92,7 @@ def test_both_warpers_take_the_section_of_their_executable(describe, tmp_path, s
     namespace = "" if section == "object_warper" else "cell1"
     nodes = start(describe("pouring"), params_file=str(own), namespace=namespace)
     for node in WARPERS:
-        assert nodes[node]["parameters"][1]["source"] == "bowl"
+        assert nodes[node]["parameters"][0]["source"] == "bowl"
 
 
 @pytest.mark.parametrize("name", EXECUTABLES)
@@ -328,6 +336,8 @@ def test_an_argument_that_nobody_takes_is_refused(describe, monkeypatch):
         monkeypatch.setattr(sys, "argv", ["ros2", "launch", *words, "modle:=m.npz"])
         with pytest.raises(ArgumentError, match="Did you mean model"):
             start(entities)
+        monkeypatch.setattr(sys, "argv", ["ros2", "launch", *words, "launch-prefix:=gdb --args"])
+        assert start(entities)
     for words in (["mine.launch.py"], ["my_cell", "demo.launch.py"]):  # they include ours
         monkeypatch.setattr(sys, "argv", ["ros2", "launch", *words, "other:=1"])
         assert start(entities)
