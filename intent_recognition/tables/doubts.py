@@ -96,12 +96,11 @@ def doubts(parts: Sequence[tuple[EntrySamples, int]]) -> Iterator[str]:
 def _two_clocks(parts: Sequence[EntrySamples]) -> Iterator[str]:
     """Report entries without any time in common with the first."""
     for part in parts[1:]:
-        first_s, last_s = (part.stamps_ns[[0, -1]] - parts[0].stamps_ns[[-1, 0]]) * 1e-9
-        if max(first_s, -last_s) > 0.0:
-            where = f"begins {first_s:.3g} s after it ends"
-            where = where if first_s > 0.0 else f"ends {-last_s:.3g} s before it begins"
+        first, second = sorted((parts[0], part), key=lambda one: int(one.stamps_ns[0]))
+        gap_s = (second.stamps_ns[0] - first.stamps_ns[-1]) * 1e-9
+        if gap_s > 0.0:
             yield (
-                f"{part.entry.topic} does not overlap with {parts[0].entry.topic}: it {where}."
+                f"{second.entry.topic} begins {gap_s:.3g} s after the end of {first.entry.topic}."
                 " Likely two clocks: see under time in the map."
             )
 
