@@ -130,12 +130,12 @@ def person_first(entries: Sequence[list[str]]) -> list[list[str]]:
 
 
 def note_on_observed(entries: Sequence[list[str]]) -> list[str]:
-    """A comment if the entry that is suggested as observed is of joints, or named like a robot."""
-    what = " ".join(entries[0][:3])
-    if JOINT_STATE in what:
+    """A comment if no entry, of those with a person first, may be a person's."""
+    what = [" ".join(entry[:3]) for entry in entries]
+    if all(JOINT_STATE in one for one in what):
         return ["# Note: no places were found, only joints. The first are observed."]
     of_robots = ["# Note: by their names all are of a robot. The first is observed."]
-    return of_robots * bool(OF_ROBOT.search(what))
+    return of_robots if OF_ROBOT.search(what[0]) else []
 
 
 def is_angle(table: Table, name: str) -> bool:

@@ -97,7 +97,6 @@ def suggest_map(source: Path) -> str:
             [*table.notes, *_columns(table)[2], *there, by_number if twice else "Check the file."]
         )
         raise BagError.about(str(table.source), "places or angles that move", got, cure)
-    others = [line for entry in entries[1:] for line in entry]
     lines = [
         *(f"# Suggested from {part.source}" for part in parts),
         "# Delete what you do not need, name the topics, move the robot's to `controlled`.",
@@ -106,8 +105,8 @@ def suggest_map(source: Path) -> str:
         *_files(taken, several),
         "observed:",
         *entries[0],
-        *(["controlled:"] if others else []),
-        *others,
+        *["controlled:"][: len(entries) - 1],
+        *chain(*entries[1:]),
         *(line for part in parts for line in part.times),
         *next((part.tasks for part in parts if part.tasks), []),
         *(line for part in parts for line in part.left_out),
@@ -220,22 +219,18 @@ def _part(
     ]
     if not is_main and (cut or not TIME_NAME.search(str(time.get("column", "")))):
         found = arm = []
-    left_out = [
-        line
-        for title, names in (
-            ("They do not move", still),
-            ("They move, and are no positions", others),
-            ("Orientations", [n for n in columns if n in turning]),
-            ("They say when a body was seen", [*dict.fromkeys(chain(*flags.values()))]),
-            ("Markers of these bodies", markers),
-            ("Seldom seen", seldom),
-            ("The same, a step later, or as commanded", later),
-            ("There twice: name them by number", _twice(table) if is_main else []),
-            ("More bodies that move", moving[MOST_SUGGESTED:]),
-            ("More columns that move", [c.name for c in joints[MOST_JOINTS:]]),
-        )
-        for line in _line(title, names)
-    ]
+    left_out = {
+        "They do not move": still,
+        "They move, and are no positions": others,
+        "Orientations": [n for n in columns if n in turning],
+        "They say when a body was seen": [*dict.fromkeys(chain(*flags.values()))],
+        "Markers of these bodies": markers,
+        "Seldom seen": seldom,
+        "The same, a step later, or as commanded": later,
+        "There twice: name them by number": _twice(table) if is_main else [],
+        "More bodies that move": moving[MOST_SUGGESTED:],
+        "More columns that move": [c.name for c in joints[MOST_JOINTS:]],
+    }
     return _Part(
         f"{kind.first}: {rows} rows, {len(table.names)} columns.",
         (*table.notes, *[OF_IMAGE][: bool(in_image)]) if is_main else (),
@@ -243,7 +238,7 @@ def _part(
         arm,
         [] if name or not is_main else [time_line],
         [*_of_texts(kind, labels, used, cut)] if is_main else [],
-        left_out,
+        [line for title, names in left_out.items() for line in _line(title, names)],
     )
 
 

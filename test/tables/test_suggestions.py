@@ -525,3 +525,11 @@ def test_a_lerobot_set_without_tasks_is_read_and_asks_for_them(tmp_path):
     parquet.write_table(rows.slice(0, rows.num_rows // 2), path)  # of one task
     text = suggest_map(folder)
     assert "# Note: there is no meta/tasks.jsonl" in text and "task: give_it_a_name" in text
+
+
+def test_a_place_of_a_robot_beside_the_joints_of_another_is_no_lack_of_places(tmp_path):
+    (tmp_path / "robot_left.csv").write_text(plain(head="t,q1,q2,q3"))
+    (tmp_path / "robot_right.csv").write_text(plain())
+    content, text, _ = suggested(tmp_path)
+    assert content["observed"][0]["joints"] == ["q1", "q2", "q3"]
+    assert "# Note: by their names all are of a robot." in text and "no places" not in text
