@@ -45,8 +45,8 @@ def policy(graph: str, given: Mapping[str, object]) -> str:
     and people come from `params_file`, too.
 
     Raises:
-        IntentError: there is no such graph or argument, a file cannot be read, or people have no
-            names.
+        IntentError: there is no such graph or argument, a file cannot be read, bodies or people
+            are no list, or people have no names.
     """
     values = arguments_of(graph, given)
     files = params_files(graph, values)
@@ -80,7 +80,12 @@ def _parameters(call: NodeCall, files: Sequence[str]) -> dict[str, object]:
 
 def _texts(calls: Sequence[NodeCall], name: str) -> set[str]:
     """What a parameter, a list of texts, holds in all nodes together."""
-    return {text for call in calls for text in cast(list[str], call.parameters.get(name, []))}
+    values = [call.parameters.get(name, []) for call in calls]
+    for value in values:
+        if isinstance(value, str):
+            cure = "Write it in brackets in the params_file."
+            raise ArgumentError.about(f"parameter {name}", "a list of texts", value, cure)
+    return {text for value in values for text in cast(list[str], value)}
 
 
 def _of_person(topic: str, person: str, sampled: Sequence[str]) -> list[str]:

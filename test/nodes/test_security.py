@@ -219,6 +219,7 @@ def test_named_people_have_their_topics(harness, model, tmp_path):
         subscribes = {s.topic_name for s in node.subscriptions} - FRAMES
         assert any("/anna/" in topic for topic in publishes | subscribes), name
         assert publishes <= rules[name]["publish"] and subscribes <= rules[name]["subscribe"], name
-    path.write_text("/**: {ros__parameters: {persons: ['*']}}", encoding="utf-8")
-    with pytest.raises(ArgumentError, match="Name everybody"):
-        policy("demo", {"model": model, "params_file": str(path)})
+    for value, said in (("['*']", "Name everybody"), ("anna", "a list of texts, got anna")):
+        path.write_text(f"/**: {{ros__parameters: {{persons: {value}}}}}", encoding="utf-8")
+        with pytest.raises(ArgumentError, match=said):
+            policy("demo", {"model": model, "params_file": str(path)})
