@@ -209,7 +209,7 @@ def add_statistics(
     """
     for finding in other_units_of(tasks, trained.tasks, trained.preprocessing):
         raise TrainingError(f"{finding} Correct it, or leave it out.")
-    merged: Mapping[str, TaskStatistics] = merge_tasks(trained.tasks, tasks)
+    merged = merge_tasks(trained.tasks, tasks)
     if told_apart(trained.tasks):
         merged = with_people(merged, trained.preprocessing.n_observed)
     before = trained.library

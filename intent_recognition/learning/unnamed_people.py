@@ -19,9 +19,8 @@ from intent_recognition.array_types import Floats, Integers
 from intent_recognition.gaussian import cholesky, half_log_det, kmeans_starts, one_hot, solve_lower
 from intent_recognition.learning.persons import compares_people
 from intent_recognition.learning.statistics import TaskStatistics
+from intent_recognition.promp import UNNAMED
 
-UNNAMED = "unnamed person "
-"""What names of people who were told apart begin with."""
 MOST_AXES, PER_AXIS = 5, 8
 """Most principal components of the offsets that are compared, and fewest demonstrations for each of
 these (docs/decisions/new_people.md)."""
@@ -41,33 +40,34 @@ def told_apart(tasks: Mapping[str, TaskStatistics]) -> bool:
     return any(one.group.startswith(UNNAMED) for task in tasks.values() for one in task.examples)
 
 
-def with_people(
-    tasks: Mapping[str, TaskStatistics], n_observed: int
-) -> Mapping[str, TaskStatistics]:
+def with_people(tasks: Mapping[str, TaskStatistics], n_observed: int) -> dict[str, TaskStatistics]:
     """Name the people in the examples of all tasks, if none is named and they differ clearly.
 
-    People who were told apart before are told apart anew.
+    People who were told apart before are told apart anew. Where a recording names one, those who
+    were told apart are unknown, since each may be the one who is named.
     """
     examples = [one for task in tasks.values() for one in task.examples]
-    if any(one.group and not one.group.startswith(UNNAMED) for one in examples):
-        return tasks
-    labels = [label for label, task in tasks.items() for _ in task.examples]
-    weights = np.array([one.weights[:n_observed] for one in examples])
-    offsets = weights - np.array([tasks[label].mean[:n_observed] for label in labels])
-    size = np.sqrt(np.mean(offsets**2, axis=(0, 2), keepdims=True))
-    offsets = (offsets / np.where(size > 0.0, size, 1.0)).reshape(len(labels), -1)
-    found = tell_apart(offsets, labels)
-    names = iter([f"{UNNAMED}{k + 1}" if found.any() else "" for k in found])
+    names = ["" if one.group.startswith(UNNAMED) else one.group for one in examples]
+    if examples and not any(names):
+        labels = [label for label, task in tasks.items() for _ in task.examples]
+        weights = np.array([one.weights[:n_observed] for one in examples])
+        offsets = weights - np.array([tasks[label].mean[:n_observed] for label in labels])
+        size = np.sqrt(np.mean(offsets**2, axis=(0, 2), keepdims=True))
+        offsets = (offsets / np.where(size > 0.0, size, 1.0)).reshape(len(labels), -1)
+        if (found := tell_apart(offsets, labels)).any():
+            names = [f"{UNNAMED}{k + 1}" for k in found]
+    rest = iter(names)
     return {
-        label: _named(task, [*islice(names, len(task.examples))]) for label, task in tasks.items()
+        label: _named(task, [*islice(rest, len(task.examples))]) for label, task in tasks.items()
     }
 
 
 def _named(task: TaskStatistics, names: Sequence[str]) -> TaskStatistics:
     """The statistics with names of the people, also in the aligned examples."""
     aligned = None if task.aligned is None else _named(task.aligned, names)
-    both = zip(task.examples, names, strict=True)
-    named = tuple(one._replace(group=name) for one, name in both)
+    over_reference = [one.aligned for one in task.examples] if aligned is None else aligned.examples
+    parts = zip(task.examples, names, over_reference, strict=True)
+    named = tuple(one._replace(group=name, aligned=other) for one, name, other in parts)
     return replace(task, examples=named, aligned=aligned)
 
 

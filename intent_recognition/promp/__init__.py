@@ -58,6 +58,7 @@ from intent_recognition.promp.risk import (
     LEAST_SHARE,
     MAX_NONE,
     NO_ODDS,
+    UNNAMED,
     LeftOutOdds,
     Risk,
     conformal_bound,

@@ -27,6 +27,9 @@ LEAST_SHARE = 0.6
 left-out demonstration has odds against it, its bound asks for even odds only, at which habits
 decide (docs/decisions/habit.md)."""
 
+UNNAMED = "unnamed person "
+"""What names of groups begin with that no recording names (`learning/unnamed_people.py`)."""
+
 
 class LeftOutOdds(NamedTuple):
     """Odds of n held-out demonstrations, from which the risk of acting is bounded.
@@ -69,6 +72,7 @@ class Risk(NamedTuple):
     bound: float
     n_groups: int  # number of groups, or of demonstrations without a group, behind the bound
     grouped: bool  # whether any demonstration has a group
+    told_apart: bool  # whether the groups are people whom no recording names
 
     @property
     def n_needed(self) -> int:
@@ -81,7 +85,7 @@ class Risk(NamedTuple):
         text = (
             f"acts from a probability of {self.threshold:.3f} among the tasks: at most"
             f" {self.bound:.0%} of interactions {whose} are acted on wrongly, judging by"
-            f" {self.n_groups} {who}"
+            f" {self.n_groups} {who}{' told apart by their movements' if self.told_apart else ''}"
         )
         if self.n_groups >= self.n_needed:
             return text
@@ -104,7 +108,8 @@ def risk_of(left_out: LeftOutOdds, max_wrong: float) -> Risk:
     bound = max(max_wrong, 1.0 / (n_groups + 1.0))
     threshold = max(float(expit(quantile)), LEAST_SHARE)
     grouped = any(left_out.groups)
-    return Risk(min(threshold, 1.0), max_wrong, bound, n_groups, grouped)
+    told_apart = any(name.startswith(UNNAMED) for name in left_out.groups)
+    return Risk(min(threshold, 1.0), max_wrong, bound, n_groups, grouped, told_apart)
 
 
 def conformal_bound(values: Floats, accepted: float, weights: Floats | None = None) -> float:

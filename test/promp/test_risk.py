@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.special import expit
 
-from intent_recognition.promp import LeftOutOdds, conformal_bound, risk_of
+from intent_recognition.promp import UNNAMED, LeftOutOdds, conformal_bound, risk_of
 
 
 def of_nobody(odds):
@@ -55,6 +55,11 @@ def test_too_few_say_what_holds_and_how_many_it_takes():
     assert few.bound == pytest.approx(1.0 / 3.0) and few.n_needed == 19
     assert "33%" in str(few) and "takes 19 groups" in str(few)
     assert few.threshold > expit(2.0)
+    assert "told apart" not in str(few)
+    names = tuple(f"{UNNAMED}{k}" for k in (1, 1, 2))
+    guessed = risk_of(LeftOutOdds((1.0, 2.0, 1.5), names), 0.05)
+    assert guessed == few._replace(told_apart=True)
+    assert "2 groups of demonstrations told apart by their movements" in str(guessed)
     assert "record more" not in str(risk_of(of_nobody(np.arange(20.0)), 0.05))
     assert risk_of(of_nobody(np.arange(20.0)), 0.01).n_needed == 99
 
