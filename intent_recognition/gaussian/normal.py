@@ -47,10 +47,8 @@ def marginal(distribution: Gaussian, index: Integers) -> Gaussian:
         ShapeError: mean and covariance do not fit each other.
         ArgumentError: the distribution is no Gaussian, or has no such element.
     """
-    distribution, elements = (
-        _as_arrays("distribution", distribution),
-        np.arange(len(distribution[0])),
-    )
+    distribution = _as_arrays("distribution", distribution)
+    elements = np.arange(distribution.mean.size)
     try:
         index = elements[np.asarray(index)]
     except IndexError as error:
