@@ -48,7 +48,7 @@ def _question(
     chances = dict(zip(labels, np.asarray(probabilities).tolist(), strict=True))
     if state.idle or state.active or chances[NONE] >= 0.5:
         return {}
-    possible = possible_tasks(settings, labels, probabilities)
+    possible = possible_tasks(settings, labels, probabilities, state.last)
     return {label: chances[label] for label in possible} if len(possible) > 1 else {}
 
 

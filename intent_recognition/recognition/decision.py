@@ -17,7 +17,8 @@
   conditions above by then, it takes over ("switched"). Otherwise nothing is active ("withdrawn")
   until a task fulfils them.
 - Until the interaction is over, another task than the one that was active last also needs the
-  probability `switch_threshold`: the first was evident, and minds seldom change.
+  probability `switch_threshold`: the first was evident, and minds seldom change. Movements without
+  a rest between them are one interaction here.
 
 Both counts make a single outlier harmless, and the gap between `threshold` and `release_below`
 keeps a task from flickering. `min_evidence` keeps a habit from moving the arm: a task that is
@@ -110,6 +111,8 @@ class DecisionSettings:
             _refuse("release_below", "a probability below threshold", self.release_below)
         if not 0.0 <= number(self.min_evidence) < 1.0:
             _refuse("min_evidence", "a share in [0, 1)", self.min_evidence)
+        if not 0.0 <= number(self.switch_threshold) <= 1.0:
+            _refuse("switch_threshold", "a probability", self.switch_threshold)
 
     def is_sure(self, labels: Sequence[str], p: Floats, task: int) -> bool:
         """Whether a task is probable enough to act on."""
@@ -155,17 +158,20 @@ def learned_risk(library: TaskLibrary, max_wrong: float = MAX_WRONG) -> Risk | N
 
 
 def possible_tasks(
-    settings: DecisionSettings, labels: Sequence[str], probabilities: Floats
+    settings: DecisionSettings, labels: Sequence[str], probabilities: Floats, last: str = ""
 ) -> tuple[str, ...]:
     """Conformal set of the tasks that a movement may be, the most probable first.
 
     It contains the true task while none permits acting, except in the share of interactions that
-    `risk` bounds. Without a risk, it contains the tasks that `threshold` does not rule out. The
-    labels include none; their probabilities are (n_labels,).
+    `risk` bounds. Without a risk, it contains the tasks that `threshold` does not rule out. Against
+    another task than the one that was active `last`, `switch_threshold` counts, too. The labels
+    include none; their probabilities are (n_labels,).
     """
     p = _checked(labels, probabilities)
     known = np.array([label != NONE for label in labels])
     threshold = settings.threshold if settings.risk is None else settings.risk.threshold
+    if last not in ("", labels[int(np.argmax(np.where(known, p, -1.0)))]):
+        threshold = max(threshold, settings.switch_threshold)
     some = np.flatnonzero(known & (p * threshold > (1.0 - threshold) * p[known].max()))
     return tuple(labels[k] for k in some[np.argsort(-p[some], kind="stable")])
 

@@ -168,6 +168,7 @@ def test_what_is_no_distribution_is_refused(labels, p, error):
         {"max_end_std_rad": 0.0},
         {"max_end_std_m": -1.0},
         {"release_below": 0.95},
+        {"switch_threshold": 1.1},
     ],
 )
 def test_settings_out_of_range_are_refused(wrong):
@@ -237,6 +238,14 @@ def test_another_task_than_the_one_active_last_needs_more_until_the_interaction_
     assert again[1][-1] == "plate" and again[0].last == "plate"
     _, active, _ = play(plate + [IDLE] + [short] * 5, settings)
     assert active[-1] == "screw"
+    for p, last, possible in [
+        (short, "plate", 2),
+        (enough, "plate", 1),
+        (short, "screw", 1),
+        (short, "", 1),
+        (plate[0], "plate", 1),
+    ]:
+        assert len(possible_tasks(settings, LABELS, np.array(p), last)) == possible
 
 
 def test_a_smaller_share_of_wrong_actions_asks_for_more_and_leaves_one_task_or_several():
