@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 from activation_world import GOALS, HOME, LABELS, START_NS, STEP_NS, World, executing, prediction
 
+from intent_recognition.activation.inbox import _question
 from intent_recognition.activation.states import Mode
+from intent_recognition.recognition import DecisionSettings, DecisionState
 
 
 def test_an_interaction_from_recognition_to_home():
@@ -217,6 +219,14 @@ def test_what_is_possible_is_in_question_while_nothing_is_acted_on():
     assert question(0.5, 0.4, 0.1) == {"plate": 0.5, "screw": 0.4}
     assert list(question(0.3, 0.6, 0.1)) == ["screw", "plate"]
     assert question(0.95, 0.04, 0.01) == question(0.2, 0.2, 0.6) == question(0.0, 0.0, 1.0) == {}
+
+
+@pytest.mark.parametrize("last", ["", "plate"])
+def test_after_another_task_what_is_too_improbable_to_act_on_is_in_question(last):
+    state = DecisionState(idle=False, last=last)
+    p = np.array([0.3, 0.7, 0.0])
+    asked = _question(DecisionSettings(threshold=0.6), state, LABELS, p)
+    assert asked == ({"plate": 0.3, "screw": 0.7} if last else {})
 
 
 @pytest.mark.parametrize("stopped", [False, True])
