@@ -172,12 +172,11 @@ def _costs(tracks: list[Track], missed: list[float], positions: list[Floats]) ->
     costs[n:, m:] = 0.0
     np.fill_diagonal(costs[:n, m:], missed)
     np.fill_diagonal(costs[n:, :m], NEW)
+    seen = np.reshape(positions, (m, 3))
     for i, track in enumerate(tracks):
         variance = track.covariance[0, 0] + POSITION_STD_M**2
-        density = _density(track)
-        for j, position in enumerate(positions):
-            off = position - track.mean[0]
-            costs[i, j] = 0.5 * float(off @ off) / variance + density
+        squares = np.sum((seen - track.mean[0]) ** 2, axis=1)
+        costs[i, :m] = 0.5 * squares / variance + _density(track)
     return costs
 
 
