@@ -9,7 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from intent_recognition.tracking import NOBODY, Identities, identify
-from intent_recognition.tracking.identity import LOST_S, UNKNOWN_S
+from intent_recognition.tracking.identity import (
+    DISTINCT,
+    LOST_S,
+    UNKNOWN_S,
+    _assignment,
+    _born,
+    _costs,
+    _unsure,
+)
 
 T0 = 10**18
 STEP_NS = 10**7
@@ -197,6 +205,19 @@ def test_a_name_of_one_who_is_unknown_is_given_to_nobody_else():
     comes = np.array([5.0, 0.0, 0.0])
     found, _ = follow(frame | ({"cleo": comes} if k > 170 else {}) for k, frame in enumerate(seen))
     assert found[171] == {"anna": NOBODY, "ben": NOBODY, "dora": "cleo", "cleo": "dora"}
+
+
+@given(st.integers(0, 10**6), st.integers(1, 3), st.integers(0, 2))
+def test_unsure_is_who_changes_in_any_assignment_that_is_hardly_less_likely(seed, n, m):
+    """By enumeration of all assignments."""
+    rng = np.random.default_rng(seed)
+    tracks = [_born(f"p{k}", T0, at) for k, at in enumerate(0.01 * rng.standard_normal((n, 3)))]
+    costs = _costs(tracks, [rng.uniform(-9.0, 3.0)] * n, list(0.01 * rng.standard_normal((m, 3))))
+    totals = {p: costs[range(n + m), p].sum() for p in permutations(range(n + m))}
+    best = min(totals, key=totals.__getitem__)
+    near = [p for p, total in totals.items() if total - totals[best] < DISTINCT]
+    expected = {k for p in near for k in range(n) if p[k] != best[k]}
+    assert _unsure(costs, _assignment(costs), list(range(n))) & set(range(n)) == expected
 
 
 @given(st.integers(0, 10**6), st.integers(1, 5))
