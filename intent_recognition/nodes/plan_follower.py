@@ -75,7 +75,7 @@ class PlanFollower:
         news, self._n_taken = furthest.n_taken != self._n_taken, furthest.n_taken
         for one in everybody:
             if news or one.expectation.progress is not furthest:
-                one.expectation.share(furthest)
+                one.share(furthest)
 
     def update(self, estimator: IntentEstimator) -> None:
         """Publish the progress of the assembly, if it has changed."""

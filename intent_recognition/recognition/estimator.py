@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from intent_recognition.array_types import Floats
 from intent_recognition.errors import ArgumentError, check_type, first_of
 from intent_recognition.filtering import N_SCALES, MovementFilter, make_prior_grid
+from intent_recognition.plans import WorkProgress
 from intent_recognition.promp import NONE, TaskLibrary, Trajectory, as_context, largest_by_unit
 from intent_recognition.recognition.arguments import (
     LIBRARY_CURE,
@@ -259,6 +260,13 @@ class IntentEstimator:
     def expect(self, task: str) -> None:
         """Expect a task next, with the trust of a habit; an unknown label ends the expectation."""
         self.expectation.expect(task, at_once=self._movements.run is None)
+
+    def share(self, progress: WorkProgress) -> None:
+        """Use the progress of an assembly that several people share, from the next movement on.
+
+        What somebody else completes during a movement has not made that movement possible.
+        """
+        self.expectation.share(progress, at_once=self._movements.run is None)
 
     def predict_controlled(self, n_points: int = 50) -> Prediction | None:
         """Trajectory of the controlled agent from onset to end, under the most probable task.

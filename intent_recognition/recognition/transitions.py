@@ -161,10 +161,11 @@ class Expectation:
         self._plan = plan
         self._set(self.memory)
 
-    def share(self, progress: WorkProgress) -> None:
-        """Use the progress of an assembly that several people share."""
+    def share(self, progress: WorkProgress, *, at_once: bool) -> None:
+        """Use the progress of an assembly that several people share; `at_once` as in `expect`."""
         self.progress = progress
-        self._set(self.memory)
+        if at_once:
+            self._set(self.memory)
 
     def expect(self, task: str, *, at_once: bool) -> None:
         """Expect a task next, with the trust of a habit; empty for the learned prior.

@@ -11,9 +11,11 @@ from simulation import START_NS, make_library, minimum_jerk
 
 from intent_recognition.errors import ArgumentError, DofError, IntentError
 from intent_recognition.filtering import make_prior_grid, task_posterior
+from intent_recognition.plans import WorkProgress, read_plan
 from intent_recognition.plans.work_plan import WorkPlan, WorkStep
 from intent_recognition.promp import TaskLibrary, controlled_at
 from intent_recognition.recognition.estimator import IntentEstimator
+from intent_recognition.recognition.transitions import HABIT_TRUST
 from intent_recognition.signals.observation import Observation, merge
 
 
@@ -159,6 +161,28 @@ def test_a_swap_to_tasks_in_another_turn_of_an_angle_changes_nothing(begins_at):
     for ours, theirs in zip(found, expected, strict=True):
         assert ours.moving == theirs.moving
         np.testing.assert_allclose(ours.probabilities, theirs.probabilities, atol=1e-6)
+
+
+def test_what_somebody_else_completes_changes_the_next_movement_not_this_one(library, truth, rng):
+    """Else a task recognised while the arm helps somebody could be withdrawn when that ends."""
+    plan = read_plan("steps: [{step: task_0}, {step: task_1}]\nby_hand: {task_0 < task_1: 1}\n")
+    observations = list(merge(movement(truth, 0, rng).observed))
+    sharing, alone = IntentEstimator(library), IntentEstimator(library)
+    begun = ([], [])
+    for one, estimates in zip((sharing, alone), begun, strict=True):
+        one.expectation.follow(plan)
+        estimates += feed(one, observations[:110])
+    assert begun[0][-1].moving
+    progress = WorkProgress(plan, library.labels)
+    progress.take(np.array([1.0, 0.0, 0.0, 0.0]))
+    sharing.share(progress)
+    ours, theirs = (feed(one, observations[110:]) for one in (sharing, alone))
+    assert not ours[-1].moving
+    for one, other in zip(ours, theirs, strict=True):
+        same(one, other, 0.0)
+    assert sharing.expectation.progress is progress
+    expected = HABIT_TRUST * progress.next_tasks() + (1.0 - HABIT_TRUST) * library.task_prior
+    np.testing.assert_allclose(sharing.expectation.prior, expected)
 
 
 def test_what_cannot_be_swapped_in_or_bent_changes_nothing(library, truth, rng):
