@@ -84,6 +84,7 @@ class EstimatorInbox:
         self.decision, self.held_back = DecisionState(), ""
         self.question: dict[str, float] = {}
         self.prediction: PredictedInteraction | None = None
+        self._of_active: PredictedInteraction | None = None  # the newest before `prediction`
         self.ordered: PredictedInteraction | None = None
         self.refused = False
         self._served_ns: int | None = None
@@ -117,7 +118,14 @@ class EstimatorInbox:
 
     def needed(self) -> PredictedInteraction | None:
         """The prediction of the active task, if its movement is not yet served."""
-        prediction, active = self.prediction, self.decision.active
+        return self._unserved(self.prediction)
+
+    def wanted(self) -> PredictedInteraction | None:
+        """As `needed`, even if another task was more probable last but did not become active."""
+        return self.needed() or self._unserved(self._of_active)
+
+    def _unserved(self, prediction: PredictedInteraction | None) -> PredictedInteraction | None:
+        active = self.decision.active
         if prediction is None or not active or prediction.label != active:
             return None
         served = self._served_ns is not None and prediction.onset_ns < self._served_ns
@@ -166,7 +174,7 @@ class EstimatorInbox:
         self.question = _question(settings, state, labels, probabilities)
         self._note_held_back(uncertain_end(settings, state, end_std))
         if state.idle:
-            self.prediction = self._served_ns = None
+            self.prediction = self._of_active = self._served_ns = None
             self.refused = self.refused and self.ordered is not None
 
     def _note_held_back(self, reason: str) -> None:
@@ -203,5 +211,6 @@ class EstimatorInbox:
             text = f"intent/robot_trajectory was over {late_s:.1f} s ago. {RESTAMP}"
             self._reject("outdated", text)
         else:
+            self._of_active = self.needed() or self._of_active
             self.prediction = prediction
             self.unused = True

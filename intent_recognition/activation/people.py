@@ -91,7 +91,7 @@ class People:
         inbox = self.of(person)
         if self.named and inbox.silent(now_ns):  # it may be somebody else by now
             inbox.forget_interaction()
-        needed = inbox.needed()
+        needed = inbox.wanted()
         request = self._request(person, needed) if self.named and needed else None
         if not inbox.take_tasks(now_ns, stamp_ns, estimate):
             return None

@@ -136,6 +136,18 @@ def test_the_one_who_needs_it_first_is_helped_whatever_the_name_and_the_other_af
     assert world.helps("ben")
 
 
+def test_who_waits_is_helped_if_another_task_was_more_probable_just_before_the_end():
+    """Two observations withdraw no task, but change the newest prediction."""
+    world = helps_anna()
+    world.ask("ben", "plate")
+    for _ in range(2):
+        world.step()
+    assert world.activation.people.of("ben").decision.active == "screw"
+    world.rest()
+    world.until(lambda: world.helps("ben"))
+    assert world.helped[-1] == ("ben", "screw")
+
+
 def test_a_task_that_a_caller_orders_is_begun_for_the_one_attended_to():
     world = SharedWorld()
     world.run(0.5)
