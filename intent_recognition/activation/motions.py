@@ -42,7 +42,7 @@ class Motions:
         self._common, self._arm = common, arm
         self._reject, self._counts = common.reject, common.counts
         self._followed: ClearPath | None = None  # of the interaction under way
-        self._planned_under: tuple[object, ...] = ((), None, None, None, None)
+        self._planned_under: tuple[object, ...] = ((), None, None, None)
         self._tried_ns = 0
         self.corrected: PredictedInteraction | None = None
         self.things, self.slowing = Things(common, arm), Slowing(common, arm)
@@ -173,10 +173,9 @@ class Motions:
 
     @property
     def _conditions(self) -> tuple[object, ...]:
-        """What plans depend on: their speed on the first four, clearance on the last two."""
-        settings, slowing = self._common.settings, self.slowing
-        arm = self._arm.current, settings.clearance
-        return slowing.people, settings.separation, settings.slow_places, *arm
+        """What plans depend on: their speed on the first three, clearance on the last two."""
+        settings = self._common.settings
+        return self.slowing.people, settings.separation, self._arm.current, settings.clearance
 
     def keep_pace(self, now_ns: int) -> Command | None:
         """Change the speed of the motion under way, or brake along its path; None to leave it.
@@ -195,15 +194,13 @@ class Motions:
             return None
         before, self._planned_under = self._planned_under, self._conditions
         new = [now is not was for now, was in zip(self._planned_under, before, strict=True)]
-        paced, moved = self.slowing.slows and (brakes or any(new[:4])), any(new[3:])
+        paced, moved = bool(self.slowing.people) and (brakes or any(new[:3])), any(new[2:])
         if not (paced or moved or brakes) or (not brakes and start_ns >= current.end_ns):
             return None
         too_fast = paced and self.slowing.too_fast(current.plan, current.start_ns, start_ns)
         since_s = (start_ns - current.start_ns) * 1e-9
         touches = moved and self._obstruction(current.plan, since_s) is not None
-        # where people are unknown, a slowed way stays slow
-        seen = paced and way.slowed and bool(self.slowing.people)
-        quicker = seen and (new[1] or self.slowing.moved(current, way.people))
+        quicker = paced and way.slowed and (new[1] or self.slowing.moved(current, way.people))
         if not (too_fast or touches or brakes or quicker):
             return None
         self._tried_ns = now_ns
@@ -221,8 +218,7 @@ class Motions:
                 return self._send_way(now_ns, start_ns, newer)
         if brakes or not (too_fast or touches):
             return None
-        people = too_fast and bool(self.slowing.people)
-        self._counts["braked for person" if people else "braked for things"] += 1
+        self._counts["braked for person" if too_fast else "braked for things"] += 1
         brake = brake_along(way.plan, since_s, self._common.settings.limits)
         way = way._replace(plan=brake, slowed=True, blocked=touches and not too_fast)
         command = self._arm.put_in_force(now_ns, Command(start_ns, brake, way=way))

@@ -88,7 +88,7 @@ def test_tables_that_lie(worker, tmp_path, repository):
         f"t,x,y,z,q\n{time},1,1,1,1\n"
         for time in ("1e9999999", "-1e9999999", "1" * 60_000, "inf", "snan")
     ]
-    tables += [",".join(f"c{k}" for k in range(100_000)), "t,x,y,z,q\n" + "\n" * 30_000_000]
+    tables += [",".join(f"c{k}" for k in range(100_000)), "t,x,y,z,q\n" + "\n" * 15_000_000]
     tables += ["t,x,y,z,q\n" + "1,1,1,1,1\n" * 2_100_000]
     for k in range(len(maps) + len(tables)):
         told = maps[k] if k < len(maps) else content
