@@ -105,7 +105,7 @@ def suggest_map(source: Path) -> str:
         *_files(taken, several),
         "observed:",
         *entries[0],
-        *["controlled:"][: len(entries) - 1],
+        *(["controlled:"] if entries[1:] else []),
         *chain(*entries[1:]),
         *(line for part in parts for line in part.times),
         *next((part.tasks for part in parts if part.tasks), []),
