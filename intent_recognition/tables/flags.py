@@ -19,7 +19,8 @@ TRUE, FALSE = ("1", "true", "t", "yes", "y"), ("0", "false", "f", "no", "n", "")
 """Texts of the two values in lower case; an empty cell was not seen, or not hidden."""
 PLACE_END = re.compile(
     r"(?i)(?:(?:^|[\W_]+)(?:pos(?:ition)?|pose|loc(?:ation)?|trans(?:lation)?|orientation"
-    r"|rot(?:ation)?|quat(?:ernion)?|xyz|[xyzw]|\d|\[.*\]|\(.*\)|[mcd]?m|in|ft))+[\W_]*$"
+    r"|rot(?:ation)?|quat(?:ernion)?|xyz|[opqrt]?[wxyz]|\d|\[.*\]|\(.*\)|[mcd]?m|in|ft)"
+    r"|(?-i:(?<=[a-z\d])(?:Pos(?:ition)?|Rot(?:ation)?|Quat(?:ernion)?|[WXYZ])))+[\W_]*$"
 )
 """Ends of names of a body's columns."""
 
@@ -35,10 +36,12 @@ def seen_rows(flags: Mapping[str, Values], rows: int) -> Flags:
     """Rows (T,) in which a body was seen; all if no flag is of this length, or none were."""
     seen = np.ones(rows, bool)
     for name, cells in flags.items():
-        said = [re.sub(r"\.0+$", "", text.lower()) for text in texts(cells)]
-        if len(said) == rows and {*said} <= {*TRUE, *FALSE}:  # no share or number of markers
+        said = texts(cells)
+        plain = {text: re.sub(r"\.0+$", "", text.lower()) for text in {*said}}
+        if len(said) == rows and {*plain.values()} <= {*TRUE, *FALSE}:  # no share or number
             match = FLAG.fullmatch(name)
-            seen &= np.isin(said, TRUE) == bool(match and match["seen"])
+            is_true = np.array([plain[text] in TRUE for text in said], bool)
+            seen &= is_true == bool(match and match["seen"])
     return seen if seen.any() else np.ones(rows, bool)
 
 

@@ -49,6 +49,8 @@ def test_a_flag_of_another_body_or_that_is_no_flag_leaves_a_body_alone(tmp_path)
         assert np.isfinite(found.values).all() and "seen" not in why
     names = ["ann.valid", "ben.valid", "quality", "valid"]
     assert flags_of(names, "ann.position.x") == ["ann.valid", "valid"]
+    for column in ("ann_px", "ann.qw", "annX", "annPosX", "Ann Rotation W", "ann_x [mm]"):
+        assert flags_of(names, column) == ["ann.valid", "valid"], column
     assert seen_rows({"valid": np.array([1, 0])}, 3).all()  # of another length
 
 
