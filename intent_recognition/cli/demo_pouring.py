@@ -105,7 +105,7 @@ def _pour(
         busy(console, f"pouring from {names}"),
         watched_graph(args, console, PouringObserver) as (observer, watch),
     ):
-        for call in resolve("pouring", given, {"lwr_sim": waits_for_answers()}):
+        for call in resolve("pouring", given, {"lwr_sim": waits_for_answers(person=False)}):
             watch.processes.start(call.name, call.module, call.parameters, call.remappings)
         _follow(args, observer, watch)
         counts = {name: int(value) for name, value in observer.balls.items()}

@@ -236,11 +236,11 @@ def _calls(args: argparse.Namespace, model: Path, scene: Scene) -> dict[str, Nod
     return {call.name: call for call in resolve(scene.graph, given, {**scene.own, **waits})}
 
 
-def waits_for_answers() -> dict[str, object]:
-    """Parameter that makes the arm's clock wait for all nodes that answer."""
+def waits_for_answers(person: bool = True) -> dict[str, object]:
+    """Parameter that makes the arm's clock wait for all that answer; it begins with a `person`."""
     from sim_bridge.arm import ANSWERING
 
-    return {"wait_for_answers": list(ANSWERING)}
+    return {"wait_for_answers": [name for name in ANSWERING if person or name != COWORKER]}
 
 
 def shared_arguments(args: argparse.Namespace, model: Path) -> dict[str, object]:

@@ -86,6 +86,9 @@ class Diagnostics:
     long while time (simulated, if used) goes on, and if several nodes publish /clock.
 
     A lifecycle node reports in every state. Tests pass a clock of their own [s].
+
+    Attributes:
+        ready: whether the node answers a simulated clock that waits.
     """
 
     def __init__(
@@ -112,7 +115,7 @@ class Diagnostics:
         self._message = "running"
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._answers = node.create_publisher(JointState, ANSWERS, qos.FEEDBACK)
-        self._answered = -1
+        self._answered, self.ready = -1, True
         steady_timer(node, period_s, self.publish)
 
     def count(self, reason: str, amount: int = 1) -> None:
@@ -195,7 +198,7 @@ class Diagnostics:
         """Publish how many messages were taken and sent, if simulated time waits for that."""
         counts = dict(self._totals)  # a copy, since a recorder's thread goes on counting
         total = sum(counts.values())
-        if total != self._answered and self.answers:
+        if self.ready and total != self._answered and self.answers:
             self._answered = total
             self._answers.publish(answer_of(self._node.get_name(), counts))
 
@@ -299,7 +302,8 @@ class Diagnostics:
         return "; ".join(found)
 
     def publish(self) -> None:
-        """Publish one report."""
+        """Publish one report; the next answer is repeated, since a new clock may have missed it."""
+        self._answered = -1
         self._reject_wrong_types()
         message = DiagnosticArray(status=[self.report()])
         message.header.stamp = self._node.get_clock().now().to_msg()

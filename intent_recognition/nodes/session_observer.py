@@ -111,7 +111,7 @@ class SessionObserver(Node):
             needed += [(f"mocap/{prefix}wrist/pose", 0, 2), (f"intent/{prefix}tasks", 1, 2)]
         if "" in self._people:  # topics of named people may not exist before they are seen
             needed.append(("human/wrist", 1, 1))
-        return bool(self._joints) and all(
+        return all(
             self.count_publishers(topic) >= n_out and self.count_subscribers(topic) >= n_in
             for topic, n_out, n_in in needed
         )

@@ -5,6 +5,7 @@ from .arm import SensorNoise as SensorNoise
 from .arm import SimulatedArm as SimulatedArm
 from .lock_step import ANSWERING as ANSWERING
 from .lock_step import NO_ANSWER_S as NO_ANSWER_S
+from .lock_step import PERSON as PERSON
 from .lock_step import Edge as Edge
 from .lock_step import LockStep as LockStep
 from .robots import NAMES as NAMES

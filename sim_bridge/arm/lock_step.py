@@ -53,6 +53,8 @@ ALWAYS = ("joint_trajectory",)
 """Topics that the arm receives in every scene."""
 ANSWERING = tuple(dict.fromkeys(edge.taker for edge in EDGES if edge.taker))
 """Nodes that answer."""
+PERSON = "coworker_sim"
+"""Node with whose first answer time begins: it answers when it and all it waits for are ready."""
 NO_ANSWER_S = 10.0
 """Time without an answer after which a node is reported, and simulated time goes on [s]."""
 
@@ -60,11 +62,16 @@ NO_ANSWER_S = 10.0
 class LockStep:
     """Tracks whether nodes have received what was sent; the arm itself receives `takes`.
 
-    It does not wait for a node before its first answer: messages missed until then do not count.
+    Time begins with the first answer of `PERSON`, if that is one of the nodes. Others are not
+    waited for before their first answer: messages missed until then do not count.
+
+    Attributes:
+        begun: whether time has begun.
     """
 
     def __init__(self, nodes: Sequence[str], takes: Collection[str] = ALWAYS) -> None:
         known = {ARM, *nodes}
+        self.begun = PERSON not in nodes
         self._edges = [
             edge
             for edge in EDGES
@@ -73,18 +80,18 @@ class LockStep:
         self._counts: dict[str, dict[str, int]] = {ARM: {}}
         self._lost: dict[Edge, int] = {}
 
-    def hear(self, node: str, counts: Mapping[str, int]) -> dict[str, int]:
+    def hear(self, node: str, counts: Mapping[str, int]) -> None:
         """Take a node's counts of messages received and sent per topic since its start.
 
         Empty counts leave out a node that need not be waited for. Counts of several people's topics
-        are added up; the sums are returned.
+        are added up.
         """
+        self.begun |= node == PERSON
         before, counts = self._counts.get(node, {}), _of_all_people(counts)
         if any(counts.get(topic, 0) < n for topic, n in before.items()):  # it has started again
             self.leave(node)
         if counts:
             self._counts[node] = counts
-        return counts
 
     def note(self, topic: str) -> None:
         """Count a message that the arm has sent or received on a topic."""

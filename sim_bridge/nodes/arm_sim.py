@@ -23,7 +23,15 @@ from intent_recognition.nodes.parameters import declare
 from intent_recognition.nodes.qos import COMMAND, FEEDBACK, LATCHED, SENSOR, STATE, each_of
 from intent_recognition.nodes.runtime import run, steady_timer
 from intent_recognition.registry import ANSWERS
-from sim_bridge.arm import Robot, SensorNoise, SimulatedArm, SpreadControl, Surroundings, find_robot
+from sim_bridge.arm import (
+    PERSON,
+    Robot,
+    SensorNoise,
+    SimulatedArm,
+    SpreadControl,
+    Surroundings,
+    find_robot,
+)
 from sim_bridge.handover import GRIP_M, with_fingers
 from sim_bridge.nodes.arm_commands import ArmCommands
 from sim_bridge.nodes.clock_answers import ClockAnswers
@@ -86,7 +94,6 @@ class ArmSim(Node):
         self._others = self.arm.others.names
         self._message = JointState(name=[*self.arm.robot.joint_names, *self._others])
         self._make_topics()
-        self._noise_begun = False
         if self._answering:
             self.create_subscription(JointState, ANSWERS, self._on_answer, FEEDBACK)
         self.add_post_set_parameters_callback(self._on_parameters)
@@ -163,6 +170,8 @@ class ArmSim(Node):
 
     def _tick(self) -> None:
         """Do the steps that are due, and publish after each that ends a period."""
+        if not self._answers.begun:
+            return
         n_due = self.clock.due()
         self.commands.catch_up()
         if n_due == 0:
@@ -176,10 +185,7 @@ class ArmSim(Node):
                 self._publish(self.clock.stamp_ns(zero_ns))
 
     def _on_answer(self, message: JointState) -> None:
-        counts = self._answers.hear(message)
-        if not self._noise_begun and counts.get("mocap/wrist/pose"):
-            self._noise_begun = True
-            self.arm.rng = np.random.default_rng(self._given["seed"])
+        self._answers.hear(message)
         if self._answers.all_came():
             self._tick()
 
@@ -219,6 +225,8 @@ class ArmSim(Node):
 
     def _report(self) -> None:
         pacer, values = self.clock.pacer, self.diagnostics.value
+        if not self._answers.begun:
+            self.diagnostics.status(Level.WARN, f"time begins with {PERSON} (wait_for_answers)")
         if not pacer.begun:
             return
         achieved = pacer.achieved_factor(self.clock.now_s(), self.arm.n_steps)

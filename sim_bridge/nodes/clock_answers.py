@@ -34,21 +34,23 @@ class ClockAnswers:
         """Count a message of the clock's own node."""
         self._lock_step.note(topic)
 
-    def hear(self, message: JointState) -> dict[str, int]:
-        """Take an answer; return its node's counts of messages received and sent per topic.
+    @property
+    def begun(self) -> bool:
+        """Whether time has begun."""
+        return self._lock_step.begun
 
-        They are empty if the clock does not wait for the node.
-        """
+    def hear(self, message: JointState) -> None:
+        """Take an answer of a node for which the clock waits; ignore others."""
         node = message.header.frame_id
         if node not in self._answering:
-            return {}
+            return
         try:
             counts = dict(zip(message.name, map(int, message.position), strict=True))
         except (ValueError, OverflowError):
             text = f"{ANSWERS} of {node}: expected one whole number per topic"
             self._diagnostics.reject("bad_answer", text)
-            return {}
-        return self._lock_step.hear(node, counts)
+            return
+        self._lock_step.hear(node, counts)
 
     def all_came(self) -> bool:
         """Whether time has been stopped and all missing answers have come."""

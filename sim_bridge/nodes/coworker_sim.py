@@ -87,9 +87,9 @@ class CoworkerSim(Node):
     `/diagnostics`. With `persons`, each person has their own topics, `mocap/<person>/wrist/pose`
     and `coworker/<person>/task`.
 
-    The session begins when the clock runs, the nodes in `wait_for_nodes` are ready and
-    `wait_for_subscribers` nodes subscribe to the poses. With `exit_at_end`, the node ends with the
-    session.
+    The session begins when the clock runs, or waits for this node's answer, the nodes in
+    `wait_for_nodes` are ready and `wait_for_subscribers` nodes subscribe to the poses. With
+    `exit_at_end`, the node ends with the session.
     """
 
     def __init__(self, **kwargs: Any) -> None:
@@ -102,6 +102,7 @@ class CoworkerSim(Node):
         self._exit_at_end = values["exit_at_end"]
         self.done = False
         self.diagnostics = Diagnostics(self)
+        self.diagnostics.ready = False
         self._readiness = Readiness(self, nodes)
         self._waits_for = ""
         self.workers = [
@@ -125,11 +126,12 @@ class CoworkerSim(Node):
         self._start_timer.cancel()
         self._timer = self.create_timer(SAMPLE_NS * 1e-9, self._on_timer)
         self.diagnostics.status(Level.OK, "running")
+        self.diagnostics.ready = True
         if not self.diagnostics.answers:  # else `_on_clock` begins with the next time
             self._tick(now_ns)
 
     def _missing(self, now_ns: int) -> str:
-        if now_ns <= 0:
+        if now_ns <= 0 and not self.diagnostics.answers:  # else time begins with its answer
             return "/clock"
         if nodes := self._readiness.missing():
             return f"{', '.join(nodes)} (wait_for_nodes)"

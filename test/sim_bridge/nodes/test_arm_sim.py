@@ -19,7 +19,9 @@ from experiments.teaching.path import plan_teaching
 from intent_recognition.errors import ArgumentError, KinematicsError
 from intent_recognition.kinematics import hand_position
 from intent_recognition.kinematics.lwr import JOINT_NAMES
+from intent_recognition.nodes.diagnostics import answer_of
 from intent_recognition.nodes.qos import COMMAND, FEEDBACK, LATCHED, STATE
+from intent_recognition.registry import ANSWERS
 from sim_bridge.arm.robots import find_robot
 from sim_bridge.coworker.styles import PLATE, STYLES
 from sim_bridge.nodes.arm_sim import ArmSim
@@ -49,6 +51,23 @@ def test_a_panda_follows_a_trajectory_and_shows_its_fingers(harness):
     )
     harness.spin_until(lambda: np.abs(np.array(states[-1].position[:7]) - goal).max() < 3e-3)
     assert node.arm.saturated_steps == 0
+
+
+def test_time_begins_with_the_person_however_long_others_have_answered(harness):
+    """Else the arm, its noise and who estimates from it are older in one run than in another."""
+    states = harness.collect(JointState, "joint_states", STATE)
+    sender = harness.publisher(JointState, ANSWERS, FEEDBACK)
+    waits = ["coworker_sim", "mocap_ingest"]
+    node = harness.node(ArmSim, robot="panda", publish_clock=True, wait_for_answers=waits)
+    harness.connect(sender)
+    ticks: list[int] = []
+    harness.probe.create_timer(0.02, lambda: ticks.append(0))
+    sender.publish(answer_of("mocap_ingest", {"mocap/wrist/pose": 0}))
+    harness.spin_until(lambda: len(ticks) >= 10)
+    assert (node.arm.n_steps, states, node.clock.pacer.dropped_s) == (0, [], 0.0)
+    sender.publish(answer_of("coworker_sim", {"/clock": 0}))
+    harness.spin_until(lambda: states, what="the first joint state")
+    assert states[0].header.stamp == Time(nanosec=node.arm.n_steps * 1_000_000)
 
 
 def test_of_commands_sent_at_once_each_is_counted(harness):

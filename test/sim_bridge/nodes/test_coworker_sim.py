@@ -154,6 +154,21 @@ def test_where_time_waits_for_answers_the_session_begins_with_a_time_of_the_cloc
     assert node.first_stamp_ns == 7_005_000_000
 
 
+def test_a_clock_that_waits_hears_of_the_worker_once_the_others_are_ready(harness):
+    """Time begins with this answer, so the worker needs no time before it."""
+    heard = harness.collect(JointState, ANSWERS, FEEDBACK)
+    node = make(harness, use_sim_time=True)
+    harness.spin_until(lambda: node.diagnostics.answers, what="somebody who waits")
+    node.diagnostics.answer()
+    assert not node.diagnostics.ready  # nobody listens to the poses
+    harness.collect(PoseStamped, "mocap/wrist/pose", SENSOR)
+    harness.spin_until(lambda: node.diagnostics.ready, what="a worker who is ready")
+    assert not heard
+    node.diagnostics.answer()
+    harness.spin_until(lambda: heard, what="an answer")
+    assert (heard[0].header.frame_id, node.first_stamp_ns) == ("coworker_sim", 0)
+
+
 @pytest.mark.parametrize(
     "bad",
     [
