@@ -50,7 +50,7 @@ class TopicRecorder(Node):
     bag can be learned from and played under another namespace or other remappings. Log time is the
     time of reception and publish time that of the publisher, both as the middleware gives them;
     with `use_sim_time` both are the simulated time of reception, and nothing is written before the
-    clock runs. The last message of each latched topic is written at the start of a bag.
+    clock runs. A bag begins with the last message of each latched topic.
 
     A subclass calls `listen` once its parameters are known.
     """
@@ -60,6 +60,7 @@ class TopicRecorder(Node):
         self._wanted: tuple[str, ...] = ()
         self._sources: dict[str, _RecordedTopic] = {}
         self._writer: BagWriter | None = None
+        self._begun = False
         self._lock = threading.RLock()
         self.diagnostics = Diagnostics(self)
         self.diagnostics.status(Level.OK, "idle")
@@ -110,10 +111,9 @@ class TopicRecorder(Node):
             self._writer = writer = BagWriter(path, dict(metadata))
             for source in self._sources.values():
                 self._declare(writer, source)
-                if source.last is not None:
-                    now_ns = simulated_ns(self)
-                    received_ns = time.time_ns() if now_ns is None else now_ns
-                    self._write(writer, replace(source.last, log_time_ns=received_ns))
+            now_ns = simulated_ns(self)
+            self._begun = False
+            self._begin(writer, time.time_ns() if now_ns is None else now_ns)
         self.diagnostics.status(Level.OK, f"recording to {path}")
         self.get_logger().info(f"recording to {path}")
 
@@ -230,6 +230,16 @@ class TopicRecorder(Node):
         profile = keep_last(2000, reliable=reliable, latched=latched)
         self._listener.subscribe(resolved, kind, profile)
 
+    def _begin(self, writer: BagWriter, now_ns: int) -> None:
+        """Write the last message of each latched topic, once the clock runs."""
+        if self._begun or now_ns == 0:
+            return
+        self._begun = True
+        for source in self._sources.values():
+            if (last := source.last) is not None:
+                sent_ns = last.publish_time_ns or now_ns
+                self._write(writer, replace(last, log_time_ns=now_ns, publish_time_ns=sent_ns))
+
     def _on_message(self, topic: str, data: bytes, received_ns: int, sent_ns: int) -> None:
         now_ns = simulated_ns(self)
         if now_ns is not None:
@@ -240,9 +250,11 @@ class TopicRecorder(Node):
         with self._lock:
             source = self._sources[topic]
             message = RawMessage(source.name, source.type, received_ns, sent_ns, data)
+            if self._writer is not None:
+                self._begin(self._writer, received_ns)
             if source.latched:
                 source.last = message
-            if received_ns == 0 and self._writer is not None:
+            elif received_ns == 0 and self._writer is not None:
                 self.diagnostics.reject("no_clock", f"{topic}, before /clock")
             if received_ns == 0:
                 return

@@ -165,25 +165,36 @@ def test_topics_that_would_be_one_in_the_bag_are_refused(harness, tmp_path):
     assert "bag_listener" not in {thread.name for thread in threading.enumerate()}
 
 
-def test_simulated_time_is_what_is_logged_and_nothing_before_it_runs(harness, tmp_path):
+def test_simulated_time_is_what_is_logged_and_a_bag_begins_with_it(harness, tmp_path):
+    """Only what was latched before is kept: the arm, the plan and what is expected first."""
     clock = harness.publisher(Clock, "/clock", STATE)
     publisher = harness.publisher(PoseStamped, "p", STATE)
-    node = harness.add(recorder(output=str(tmp_path / "bag"), topics=["p"], use_sim_time=True))
-    harness.spin_until(lambda: "/p" in node.listening)
-    harness.connect(publisher, clock)
+    latched = harness.publisher(String, "plan", LATCHED)
+    parameters = {"output": str(tmp_path / "bag"), "topics": ["p", "plan"], "use_sim_time": True}
+    node = harness.add(recorder(**parameters))
+    harness.spin_until(lambda: {"/p", "/plan"} <= set(node.listening))
+    harness.connect(publisher, clock, latched)
     publisher.publish(pose(0))
     harness.spin_until(lambda: node.diagnostics.rejected("no_clock"), what="refusal")
+    for text in ("old", "first"):
+        latched.publish(String(data=text))
+    plan = node._sources["/plan"]
+    harness.spin_until(lambda: plan.last is not None and b"first" in plan.last.data)
     for second in (5, 6):
         clock.publish(Clock(clock=Time(sec=second)))
         now = node.get_clock().now
         harness.spin_until(lambda n=now, s=second: n().nanoseconds == s * 1_000_000_000)
         publisher.publish(pose(second))
-        written = second - 4
+        written = second - 3
         harness.spin_until(lambda n=written: node._writer.message_count == n)
+    latched.publish(String(data="second"))
+    harness.spin_until(lambda: node._writer.message_count == 4)
     node.stop()
-    stored = list(BagReader(tmp_path / "bag").raw_messages())
-    assert [m.log_time_ns for m in stored] == [5_000_000_000, 6_000_000_000]
-    assert [m.publish_time_ns for m in stored] == [5_000_000_000, 6_000_000_000]
+    bag = BagReader(tmp_path / "bag")
+    assert [m.message.data for m in bag.messages(["plan"])] == ["first", "second"]
+    times_ns = [5_000_000_000, 5_000_000_000, 6_000_000_000, 6_000_000_000]
+    assert [m.log_time_ns for m in bag.raw_messages()] == times_ns
+    assert [m.publish_time_ns for m in bag.raw_messages()] == times_ns
 
 
 @pytest.mark.parametrize("topics", [{}, {"topics": ["late", "early"]}])
