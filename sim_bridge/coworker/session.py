@@ -22,7 +22,7 @@ from sim_bridge.coworker.reach import (
     superposed,
 )
 from sim_bridge.coworker.styles import STYLES
-from sim_bridge.coworker.task_list import Intention, read_intention
+from sim_bridge.coworker.task_list import REST, Intention, read_intention
 from sim_bridge.coworker.timeline import WristSamples, sample_wrist
 
 
@@ -47,6 +47,8 @@ class SessionTiming:
     overlap_share: float = 0.0
 
 
+MOVES_S = 4.1
+"""Mean duration of a reach and its retraction [s]."""
 WITHOUT_PAUSE = SessionTiming(idle_s=(0.0, 0.0), hold_s=(0.0, 0.0), overlap_share=0.1)
 """Timing in which each movement flows into the next, with rest only before the first and after the
 last. After 90 % of a movement's time, 99 % of its way is done."""
@@ -94,7 +96,7 @@ def plan_session(
     Raises:
         ArgumentError: a label is unknown, or there is no task.
     """
-    if not tasks:
+    if not set(tasks) - {REST}:
         cure = f"Name some of {sorted(STYLES)}."
         raise ArgumentError.about("tasks", "at least one label", "none", cure)
     timing = timing or SessionTiming()
@@ -104,6 +106,9 @@ def plan_session(
     interactions = []
     retract: WristMovement | None = None
     for intention in map(read_intention, tasks):
+        if intention.task == REST:
+            now += MOVES_S + sum(timing.hold_s + timing.idle_s) / 2.0
+            continue
         reach = _intended(rng, intention, place, side)
         movements.append((now, _following(reach, retract, timing)))
         end = now + (1.0 - timing.overlap_share) * reach.duration_s

@@ -23,6 +23,10 @@ CHANGE_SHARES = (0.15, 0.25, 0.4)
 """Shares of the movement's time at which changes of `change_some` happen."""
 
 
+REST = "rest"
+"""Entry of a task list: wait as long as an interaction usually takes."""
+
+
 class Intention(NamedTuple):
     """One entry of a task list."""
 
@@ -32,7 +36,7 @@ class Intention(NamedTuple):
 
 
 def read_intention(text: str) -> Intention:
-    """Read one entry of a task list: a label, or OLD>NEW@SHARE.
+    """Read one entry of a task list: a label, `REST`, or OLD>NEW@SHARE.
 
     `plate_handover>hold_screwdriver@0.25` begins as `plate_handover` and changes to the other task
     after a quarter of the movement's time.
@@ -60,7 +64,8 @@ def change_some(tasks: tuple[str, ...], seed: int, count: int) -> tuple[str, ...
     Raises:
         ArgumentError: fewer than `count` entries can be changed.
     """
-    plain = [k for k, text in enumerate(tasks) if not read_intention(text).then]
+    known = map(read_intention, tasks)
+    plain = [k for k, one in enumerate(known) if not one.then and one.task != REST]
     if count > len(plain):
         cure = "Let fewer be changed, or do more interactions."
         raise ArgumentError.about("changes", f"at most {len(plain)}", count, cure)
@@ -73,7 +78,7 @@ def change_some(tasks: tuple[str, ...], seed: int, count: int) -> tuple[str, ...
 
 
 def _known(label: str) -> str:
-    if label not in STYLES:
+    if label not in STYLES and label != REST:
         expected = f"labels of {', '.join(sorted(STYLES))}, or a file of them"
         got, cure = f"{label!r}, which is neither", "Correct the label or the path."
         raise ArgumentError.about("task_list", expected, got, cure)
@@ -155,8 +160,8 @@ def work_shares(
 ) -> tuple[tuple[str, ...], ...]:
     """Tasks of each of several people who share an assembly, or its first `n_steps` (0 for all).
 
-    In each round, people take steps that may be next, as long as there are any; whoever has done
-    the fewest chooses first. All steps that may be next are equally probable.
+    In each round, people take steps that may be next, as long as there are any, and else rest;
+    whoever has done the fewest chooses first. All steps that may be next are equally probable.
     """
     rng = np.random.default_rng([seed, 23])
     before = plan.before > LIKELY_BEFORE
@@ -165,9 +170,12 @@ def work_shares(
     shares: list[list[str]] = [[] for _ in range(n_people)]
     while len(left) > most:
         due = [k for k in left if not before[left, k].any()]
-        for share in sorted(shares, key=len)[: len(left) - most]:
-            if due:
+        for share in sorted(shares, key=lambda share: len(share) - share.count(REST)):
+            task = REST
+            if due and len(left) > most:
                 step = due.pop(due.index(int(rng.choice(due))))
                 left.remove(step)
-                share.append(plan.steps[step].task)
-    return tuple(map(tuple, shares))
+                task = plan.steps[step].task
+            share.append(task)
+    ends = (max((k for k, one in enumerate(s, 1) if one != REST), default=0) for s in shares)
+    return tuple(tuple(share[:end]) for share, end in zip(shares, ends, strict=True))

@@ -233,9 +233,17 @@ def test_the_plan_has_twenty_steps_and_begins_with_a_plate(plan):
 @pytest.mark.parametrize("seed", range(5))
 def test_two_people_do_at_any_time_what_may_be_next(plan, seed):
     shares = work_shares(plan, seed, 2)
-    assert sorted(map(len, shares)) == [10, 10]
-    together = Counter(task for share in shares for task in share)
-    assert together == Counter(step.task for step in plan.steps)
+    session = plan_people(seed, shares, SessionTiming(hold_s=(13.0, 14.0)))
+    assert [len(one.interactions) for one in session] == [10, 10]
+    everything = sorted((i.onset_s, i.end_s, i.task) for one in session for i in one.interactions)
+    assert Counter(task for *_, task in everything) == Counter(step.task for step in plan.steps)
+    ends: dict[str, float] = {}
+    times: Counter[str] = Counter()
+    for onset_s, end_s, task in everything:
+        times[task] += 1  # the k-th time that it is begun is its k-th step
+        name = [step.name for step in plan.steps if step.task == task][times[task] - 1]
+        assert max([ends[a] for (a, b) in plan.by_hand if b == name], default=0.0) < onset_s
+        ends[name] = end_s
     few = work_shares(plan, seed, 2, 3)
     assert [share[: len(own)] for share, own in zip(shares, few, strict=True)] == list(few)
-    assert sum(map(len, few)) == 3
+    assert sum(len(own) - own.count("rest") for own in few) == 3
