@@ -9,8 +9,9 @@ what happens:
                    with
 --pour AMOUNT      amount to pour: empty (default), full or millilitres
 --pair CUP,SECOND  pour between these containers only, such as tea_cup,paper_cup
---task-list F      labels separated by commas, OLD>NEW@SHARE for a reach whose goal changes, a file
-                   of them, 'habit' (default: the usual order, with variation) or 'random'
+--task-list F      labels separated by commas, 'rest' to wait, OLD>NEW@SHARE for a reach whose goal
+                   changes, a file of them, 'habit' (default: the usual order, with variation) or
+                   'random'
 --interactions N   number of interactions (default: as in the list; 40 with habit or random)
 --changes N        the coworker changes to another task in N of them (default: 0)
 --arm ARM          lwr (default), panda, iiwa, xarm, or the path of a URDF or xacro file; other arms

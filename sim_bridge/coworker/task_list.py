@@ -46,7 +46,7 @@ def read_intention(text: str) -> Intention:
     """
     found = CHANGED.fullmatch(text)
     if not found:
-        return Intention(_known(text))
+        return Intention(REST if text == REST else _known(text))
     task, then = _known(found["task"].strip()), _known(found["then"].strip())
     try:
         share = float(found["share"])
@@ -78,7 +78,7 @@ def change_some(tasks: tuple[str, ...], seed: int, count: int) -> tuple[str, ...
 
 
 def _known(label: str) -> str:
-    if label not in STYLES and label != REST:
+    if label not in STYLES:
         expected = f"labels of {', '.join(sorted(STYLES))}, or a file of them"
         got, cure = f"{label!r}, which is neither", "Correct the label or the path."
         raise ArgumentError.about("task_list", expected, got, cure)

@@ -90,7 +90,9 @@ def test_each_of_two_reaches_on_their_own_side(task):
         assert goals_m[0] > middle_m > goals_m[1]
 
 
-@pytest.mark.parametrize("bad", ["", "dance", "plate_handover,dance", "/no/such/file.yaml"])
+@pytest.mark.parametrize(
+    "bad", ["", "dance", "plate_handover,dance", "/no/such/file.yaml", f"rest>{PLATE}@0.25"]
+)
 def test_bad_task_lists_are_named(bad):
     with pytest.raises(ArgumentError, match=r"task_list: .* a file of them, .*(neither|got '')"):
         parse_task_list(bad, 1, 0)
