@@ -13,6 +13,7 @@ from intent_recognition.bags.cdr.layout import (
     NANOSECONDS,
     LayoutCache,
     header_stamp_ns,
+    message_fields,
 )
 from intent_recognition.bags.copying import BagPart, RecoveryReport, cut_bag, recover
 from intent_recognition.bags.definitions import message_class

@@ -15,7 +15,13 @@ from rclpy.publisher import Publisher
 
 from intent_recognition.errors import ArgumentError, MessageError
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import OdometryBuilder, PoseNumbers, read_pose, to_pose
+from intent_recognition.nodes.conversions import (
+    OdometryBuilder,
+    PoseNumbers,
+    prepare_reading,
+    read_pose,
+    to_pose,
+)
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.frames import FrameOutput, hear_frames
 from intent_recognition.nodes.parameters import Changes, declare, keep_live
@@ -68,6 +74,7 @@ class MocapIngest(Node):
             **{field: values[name] for name, field in LIVE.items()},
         )
         self._diagnostics = Diagnostics(self)
+        prepare_reading()
         self._states: dict[str, IngestState] = {}
         self._waiting: dict[str, deque[tuple[float, PoseNumbers]]] = {}
         self._stamps: dict[str, StampWatch] = {}

@@ -21,7 +21,7 @@ from intent_recognition.errors import MessageError, describe, printable
 from intent_recognition.model import Frames
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.backlog import Backlog
-from intent_recognition.nodes.conversions import message_class, read_odometry
+from intent_recognition.nodes.conversions import message_class, prepare_reading, read_odometry
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.signals import Observation
 from intent_recognition.tracking import frame_name
@@ -81,6 +81,7 @@ class ObservationInput:
 
     def open(self) -> None:
         """Subscribe."""
+        prepare_reading()
         by_topic: dict[str, list[ObservationReader]] = {}
         scene = [ObservationReader(entry, k) for k, entry in enumerate(self._dofs.context)]
         for reader in (*observation_readers(self._dofs), *scene):

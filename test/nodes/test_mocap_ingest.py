@@ -10,7 +10,8 @@ from geometry_msgs.msg import PoseStamped, TransformStamped
 from scan_builder import scanned
 from std_msgs.msg import Header
 
-from intent_recognition.nodes import qos
+from intent_recognition.bags import POSE, LayoutCache, message_fields
+from intent_recognition.nodes import conversions, qos
 from intent_recognition.nodes.conversions import stamp_ns, to_pose, to_stamp
 from intent_recognition.nodes.mocap_ingest import MocapIngest
 from intent_recognition.nodes.object_messages import to_labelled_cloud
@@ -52,6 +53,23 @@ def test_odometry_follows_the_contract(harness):
     twist = np.reshape(last.twist.covariance, (6, 6))
     assert 0.0 < twist[0, 0] < 0.1
     assert received[0].twist.covariance[0] == 1e6
+
+
+def test_nodes_load_definitions_before_the_first_pose_comes(harness, tmp_path, monkeypatch):
+    """Loading takes as long as 15 poses, of which 10 wait."""
+    folder = Folder(tmp_path, DOFS)
+    for name, kind in (("_POSES", POSE), ("_ODOMETRIES", "nav_msgs/msg/Odometry")):
+        monkeypatch.setattr(conversions, name, LayoutCache(kind))
+    message_fields.cache_clear()
+    harness.node(MocapIngest)
+    loaded = message_fields.cache_info().misses
+    assert exchange(harness, [pose(0, (0.0, 0.5, 1.0))])
+    assert message_fields.cache_info().misses == loaded
+    message_fields.cache_clear()
+    graph = Graph(harness, folder)
+    loaded = message_fields.cache_info().misses
+    graph.feed(folder.observations()[:1])
+    assert message_fields.cache_info().misses == loaded
 
 
 def test_extrinsics_are_applied(harness):
