@@ -216,11 +216,31 @@ def keeps_limits(plan: JointPlan, start: JointReference, limits: JointLimits) ->
     """Whether a plan keeps the limits; from outside the position limits it must return inside."""
     if np.any(position_violation(plan.end, limits) > POSITION_TOLERANCE_RAD):
         return False
-    room = position_violation(start.position, limits)
-    if room.any():
-        room = np.where(room > 0.0, room + 1e-3, 0.0)
-        limits = replace(limits, lower=limits.lower - room, upper=limits.upper + room)
-    return within(plan.times_s, plan.positions, plan.velocities, limits)
+    return within(plan.times_s, plan.positions, plan.velocities, reaching(limits, start.position))
+
+
+def reaching(limits: JointLimits, position: Floats) -> JointLimits:
+    """Limits whose position range is widened to hold a position (n,) [rad] that is outside."""
+    if np.all(position_violation(position, limits) <= POSITION_TOLERANCE_RAD):
+        return limits
+    lower, upper = np.minimum(limits.lower, position), np.maximum(limits.upper, position)
+    return replace(limits, lower=lower, upper=upper)
+
+
+def kept_inside(
+    times_s: Floats, positions: Floats, velocities: Floats, limits: JointLimits
+) -> tuple[Floats, Floats]:
+    """Samples, each (T, n), of which the cubics in between keep to the position range.
+
+    Each cubic is inside the hull of its control points q0, q0 + v0 h / 3, q1 - v1 h / 3, q1: they
+    are kept in the range, but for the velocity of the first sample.
+    """
+    q = np.clip(positions, limits.lower, limits.upper)
+    above, below = 3.0 * (limits.upper - q), 3.0 * (q - limits.lower)
+    h, v = np.diff(times_s)[:, None], velocities.copy()
+    v[1:] = np.clip(v[1:], -above[1:] / h, below[1:] / h)
+    v[1:-1] = np.clip(v[1:-1], -below[1:-1] / h[1:], above[1:-1] / h[1:])
+    return q, v
 
 
 def scaled_limits(

@@ -27,7 +27,9 @@ from intent_recognition.motion.plan import (
     PhaseState,
     interval_use,
     keeps_limits,
+    kept_inside,
     plan_step,
+    reaching,
 )
 from intent_recognition.motion.point_to_point import brake_plan
 from intent_recognition.motion.retiming import (
@@ -160,7 +162,8 @@ def _attempt(
     if way is None:
         return None
     kind = "stop" if nominal is None else "interaction"
-    return _compose(path, way, offset, step_s, kind), offset
+    inside = reaching(limits, start.position)
+    return _compose(path, way, offset, step_s, kind, inside), offset
 
 
 def _join(
@@ -202,9 +205,17 @@ def _hold(offset: Offset) -> float:
 
 
 def _compose(
-    path: JointPath, progress: PathProgress, offset: Offset, step_s: float, kind: str
+    path: JointPath,
+    progress: PathProgress,
+    offset: Offset,
+    step_s: float,
+    kind: str,
+    limits: JointLimits,
 ) -> JointPlan:
-    """Sum of path and offset at the times of the progress, prolonged until the offset is zero."""
+    """Sum of path and offset at the times of the progress, prolonged until the offset is zero.
+
+    It is kept inside the position limits, which hold its start.
+    """
     end_s = float(progress.times_s[-1])
     n_more = max(int(np.ceil((offset.duration_s - end_s) / step_s)), 0)
     n_more = max(n_more, 1) if len(progress.times_s) < 2 else n_more
@@ -215,7 +226,8 @@ def _compose(
     e, e_velocity = offset.sample(times)
     velocities = slope * rate[:, None] + e_velocity
     velocities[-1] = 0.0
-    return JointPlan(times, q + e, velocities, phase, rate, kind, path.clamped)
+    positions, velocities = kept_inside(times, q + e, velocities, limits)
+    return JointPlan(times, positions, velocities, phase, rate, kind, path.clamped)
 
 
 def _too_fast(path: JointPath, limits: JointLimits) -> bool:

@@ -25,8 +25,6 @@ from intent_recognition.errors import IntentError
 from intent_recognition.motion import Correction, DeviationDetector, Spread, make_path
 
 STEPS = 2500
-RETURN_ROOM_RAD = 1e-3
-"""How much farther out a joint may go that was pushed past a limit."""
 MOVED_RAD = 0.05
 """An arm that is nearer to its reference than this was not moved by others."""
 SHARES = np.linspace(0.0, 1.0, 13)[:, None, None]
@@ -281,7 +279,7 @@ def check_curve(plan):
     q, v, a = cubic(SHARES, h, *ends)
     first, last = plan.positions[0], plan.positions[-1]
     outside = np.maximum(np.maximum(LIMITS.lower - first, first - LIMITS.upper), 0.0)
-    room = np.where(outside > 0.0, outside + RETURN_ROOM_RAD, 0.0) + 1e-9
+    room = outside + 1e-9
     assert np.all(q >= LIMITS.lower - room) and np.all(q <= LIMITS.upper + room)
     if plan.kind != "stop" or not outside.any():
         assert np.all(last >= LIMITS.lower - 1e-9) and np.all(last <= LIMITS.upper + 1e-9)

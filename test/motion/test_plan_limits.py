@@ -9,7 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicHermiteSpline
 
-from intent_recognition.motion import NominalTiming, make_path, plan_interaction, posture_plan
+from intent_recognition.motion import (
+    NominalTiming,
+    make_path,
+    plan_interaction,
+    posture_plan,
+    way_of,
+)
 from intent_recognition.motion.plan import (
     BEGINNING,
     JointReference,
@@ -129,11 +135,26 @@ def test_an_arm_pushed_past_a_limit_is_led_back_by_plans_it_accepts(seed, far_ra
     for plan in (posture_plan(start, HOME, LIMITS), to_interaction):
         assert plan is not None
         assert outside(plan.end) <= 0.0
-        assert curve(plan)[:, joint].max() <= pushed[joint] + 1e-3
+        assert curve(plan)[:, joint].max() <= pushed[joint] + 1e-9
         accept(plan, position=pushed)
         accept(plan, position=np.stack([HOME, pushed]))  # asked to be there, held elsewhere
         with pytest.raises(RejectedTrajectoryError, match="rad"):
             accept(plan, position=HOME)
+
+
+@pytest.mark.parametrize("rate_hz", [0.3, 0.1, 0.03])
+def test_a_slow_way_to_a_limit_stays_inside_between_its_samples(rate_hz):
+    """Long steps strayed by .4 mrad; from a start just outside, 1 mrad was permitted."""
+    for beyond_rad, joint in [(0.0, 1), (1e-8, 3), (0.0, 5)]:
+        edge = np.where(np.arange(7) == joint, LIMITS.upper, HOME)
+        start = edge + beyond_rad * np.eye(7)[joint]
+        for begin, end in ((HOME, edge), (start, HOME)):
+            way = way_of(posture_plan(JointReference.at_rest(begin), end, LIMITS))
+            rest, timing = JointReference.at_rest(begin), NominalTiming(0.0, way.duration_s)
+            ceiling = np.full(N_GRID, rate_hz)
+            plan = plan_interaction(way, timing, rest, LIMITS, rate_ceiling=ceiling)
+            assert plan is not None and plan.duration_s > 0.9 / rate_hz
+            assert outside(curve(plan)) <= max(outside(begin), 0.0) + 1e-9
 
 
 @pytest.mark.parametrize("beyond_rad", [0.0, 5e-7, 1e-6, 9.0])
