@@ -67,6 +67,7 @@ class ArmTracking:
         self._reported: tuple | None = None
         self._lateness = Lateness()
         self._follows: tuple[Command, int, int] | None = None  # command, lag, since when [ns]
+        self._moves_unasked = False  # since it last rested where a command asked it to
 
     def forget_joints(self) -> None:
         """Forget all joint states."""
@@ -99,6 +100,8 @@ class ArmTracking:
             age_ns = self._common.settings.max_joint_state_age_s * 1e9
             time_ns = self.clock.measured_ns(now_ns, stamp_ns, age_ns)
             self._measured = measured = Measured(stamp_ns, time_ns, position, velocity)
+            if last is not None and time_ns - last.time_ns > age_ns:
+                self._lateness = Lateness()  # its samples are evenly spaced
             self._remember(measured)
             if self._history and self.obeys and self._lateness.is_due(time_ns):
                 self._look_for_lateness(measured)
@@ -109,7 +112,7 @@ class ArmTracking:
         time_ns = measured.time_ns
         asked = [self._by(time_ns - late).at(time_ns).position for late in LATENESSES_NS.tolist()]
         late_ns = self._lateness.shown_ns(time_ns, measured.position, np.array(asked))
-        if late_ns > self.late_ns:
+        if late_ns > self.late_ns and not self._moves_unasked:
             self.late_ns = late_ns
             text = "a command came after its start: the next ones lead by more"
             self._report_once("commands_late", None, text)
@@ -159,8 +162,10 @@ class ArmTracking:
         If so, the arm rests at the end of the command before, which is in force again.
         """
         measured = self._recent(now_ns)
-        if measured is None or len(self._history) < 2 or not self.obeys:
+        if self._measured is None or len(self._history) < 2 or not self.obeys:
             return False
+        if measured is None:
+            return None
         if self._error(measured) <= HELD_WITHIN_RAD:
             return False
         before, ended = list(self._history)[-2:]
@@ -171,6 +176,11 @@ class ArmTracking:
         if lost:
             self._return_to(before, "rests at the end of")
         return bool(lost)
+
+    def elsewhere(self, now_ns: int) -> bool:
+        """Whether the arm is not where the command that has ended asks it to be."""
+        measured = self._recent(now_ns)
+        return self.obeys and measured is not None and self._error(measured) > HELD_WITHIN_RAD
 
     @property
     def clocks(self) -> dict[str, str]:
@@ -305,12 +315,15 @@ class ArmTracking:
             settled = measured.time_ns > current.end_ns + _SETTLING_NS
             largest = self._common.settings.max_tracking_error_rad
             if self._error(measured) <= (min(largest, HELD_WITHIN_RAD) if settled else largest):
+                self._moves_unasked &= not settled
                 return current.at(start_ns)
         if self.under_way(now_ns):
             self._report_once("arm_off_reference", self.last_command_ns, "arm is off its path")
             return None
+        self._moves_unasked |= current is not None
         # some drivers send velocities of zero that they do not measure
         if not self.at_rest(measured) or (self._speed() or 0.0) > 2.0 * _REST_RAD_S:
+            self._moves_unasked = True
             self._report_once("arm_moving", measured.stamp_ns, "arm is moved by others")
             return None
         self.current = None

@@ -42,7 +42,7 @@ class Motions:
         self._common, self._arm = common, arm
         self._reject, self._counts = common.reject, common.counts
         self._followed: ClearPath | None = None  # of the interaction under way
-        self._planned_under: tuple[object, ...] = ((), None, None, None)
+        self._planned_under: tuple[object, ...] = ((), None, None, None, None)
         self._tried_ns = 0
         self.corrected: PredictedInteraction | None = None
         self.things, self.slowing = Things(common, arm), Slowing(common, arm)
@@ -173,9 +173,10 @@ class Motions:
 
     @property
     def _conditions(self) -> tuple[object, ...]:
-        """What plans depend on: their speed on the first three, clearance on the last two."""
-        settings = self._common.settings
-        return self.slowing.people, settings.separation, self._arm.current, settings.clearance
+        """What plans depend on: their speed on the first four, clearance on the last two."""
+        settings, slowing = self._common.settings, self.slowing
+        arm = self._arm.current, settings.clearance
+        return slowing.people, settings.separation, settings.slow_places, *arm
 
     def keep_pace(self, now_ns: int) -> Command | None:
         """Change the speed of the motion under way, or brake along its path; None to leave it.
@@ -194,7 +195,7 @@ class Motions:
             return None
         before, self._planned_under = self._planned_under, self._conditions
         new = [now is not was for now, was in zip(self._planned_under, before, strict=True)]
-        paced, moved = bool(self.slowing.people) and (brakes or any(new[:3])), any(new[2:])
+        paced, moved = self.slowing.slows and (brakes or any(new[:4])), any(new[3:])
         if not (paced or moved or brakes) or (not brakes and start_ns >= current.end_ns):
             return None
         too_fast = paced and self.slowing.too_fast(current.plan, current.start_ns, start_ns)
@@ -218,7 +219,8 @@ class Motions:
                 return self._send_way(now_ns, start_ns, newer)
         if brakes or not (too_fast or touches):
             return None
-        self._counts["braked for person" if too_fast else "braked for things"] += 1
+        people = too_fast and bool(self.slowing.people)
+        self._counts["braked for person" if people else "braked for things"] += 1
         brake = brake_along(way.plan, since_s, self._common.settings.limits)
         way = way._replace(plan=brake, slowed=True, blocked=touches and not too_fast)
         command = self._arm.put_in_force(now_ns, Command(start_ns, brake, way=way))

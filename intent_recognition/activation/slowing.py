@@ -3,6 +3,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache, partial
 
 import numpy as np
 
@@ -72,9 +73,18 @@ class Slowing:
         lowers the ceiling of the rate by the distances along the plan before. At last, from
         rest, the plan's own way is slowed, since the decay of an offset may be too fast itself.
         """
-        again = self._planner(path, timing, start, progress)
-        plan = again(None, 1.0) if own is None else self._slow_at_places(own, start)
+        raw, again = self._planners(path, timing, start, progress)
+        plan = raw(None, 1.0) if own is None else own
         separation, people, ceiling = self._separation, self.people, None
+
+        def excess(plan: JointPlan) -> float:
+            return 0.0 if separation is None else separation.worst_excess(plan, start_ns, people)
+
+        fast = plan is not None and excess(plan) > 1.0
+        if not fast and plan is not None:
+            plan = self._slow_at_places(plan, start)
+            if plan is None and own is None:
+                plan = again(None, _LONGEST)
         if plan is None or separation is None:
             return plan, False
 
@@ -88,10 +98,10 @@ class Slowing:
         for stretch in (*_STRETCHES, None):
             if slow is None:
                 break
-            if separation.worst_excess(slow, start_ns, people) <= 1.0:
+            if not fast and excess(slow) <= 1.0:
                 self._counts["slowed by person"] += ceiling is not None
                 return slow, ceiling is not None
-            plan = slow
+            plan, fast = slow, False
             if stretch is not None:
                 newer = ceiling_of(path, plan)
                 ceiling = newer if ceiling is None else np.minimum(_HEADROOM * ceiling, newer)
@@ -105,16 +115,23 @@ class Slowing:
             start,
             lambda way: ceiling_of(way, uniform),
             lambda plan: max(
-                separation.worst_excess(plan, start_ns, people),
+                excess(plan),
                 0.0 if places is None else places.excess(plan),
             ),
         )
         self._counts["slowed by person"] += slow is not None
         return slow, True
 
+    @property
+    def slows(self) -> bool:
+        """Whether anybody is near, or any place is slow."""
+        return bool(self.people) or self._common.settings.slow_places is not None
+
     def too_fast(self, plan: JointPlan, start_ns: int, since_ns: int) -> bool:
-        """Whether a plan exceeds the speeds that are permitted near people after a time."""
-        separation = self._separation
+        """Whether a plan exceeds the speeds that are permitted after a time."""
+        separation, places = self._separation, self._common.settings.slow_places
+        if places is not None and places.excess(plan, (since_ns - start_ns) * 1e-9) > 1.0:
+            return True
         if separation is None:
             return False
         return separation.worst_excess(plan, start_ns, self.people, since_ns) > 1.0
@@ -132,10 +149,11 @@ class Slowing:
     ) -> _Planner:
         """A planner for a path under ceilings of the phase rate; a faster arm brakes along it."""
         limits = self._common.settings.limits
+        brake_of = cache(partial(stop_plan, path, start, limits, progress))
 
         def plan(rate_ceiling: Floats | None, stretch: float) -> JointPlan | None:
             if rate_ceiling is not None and progress.rate > 0.0:
-                brake = stop_plan(path, start, limits, progress)
+                brake = brake_of()
                 begins = np.arange(len(rate_ceiling)) / len(rate_ceiling)
                 braking = np.interp(begins, brake.phase, brake.phase_rate, left=progress.rate)
                 rate_ceiling = np.maximum(rate_ceiling, braking)
@@ -143,26 +161,30 @@ class Slowing:
 
         return plan
 
-    def _planner(
+    def _planners(
         self, path: JointPath, timing: NominalTiming, start: JointReference, progress: PhaseState
-    ) -> _Planner:
-        """A planner as that of `_along`, which is also slow at slow places."""
-        again = self._along(path, timing, start, progress)
+    ) -> tuple[_Planner, _Planner]:
+        """A planner as that of `_along`, and one whose plans keep the speeds at slow places."""
+        along = self._along(path, timing, start, progress)
         places = self._common.settings.slow_places
         if places is None:
-            return again
+            return along, along
         always = places.rate_ceiling(path)
 
+        def raw(rate_ceiling: Floats | None, stretch: float) -> JointPlan | None:
+            return along(
+                always if rate_ceiling is None else np.minimum(always, rate_ceiling), stretch
+            )
+
         def plan(rate_ceiling: Floats | None, stretch: float) -> JointPlan | None:
-            ceiling = always if rate_ceiling is None else np.minimum(always, rate_ceiling)
             for longer in sorted({stretch, _LONGEST}):  # a slower decay is slower at places, too
-                found = again(ceiling, longer)
+                found = raw(rate_ceiling, longer)
                 slow = self._slow_at_places(found, start)
                 if slow is not None or found is None:
                     return slow
             return None
 
-        return plan
+        return raw, plan
 
     def _slow_at_places(self, plan: JointPlan | None, start: JointReference) -> JointPlan | None:
         """A plan, or its own way slowed down at slow places; None if no plan keeps their speed."""

@@ -24,6 +24,7 @@ class Waiting:
         self._arm, self._motions, self._pretrigger = parts.arm, parts.motions, parts.pretrigger
         self.home: Floats | None = None
         self._brake: Command | None = None
+        self._again: Command | None = None  # the way home of an arm that was not there at its end
         self.change()
 
     def change(self) -> None:
@@ -81,7 +82,8 @@ class Waiting:
         """Go on home, also after a brake on the way; idle once the arm is there.
 
         An arm that is off its reference, or without recent joint states, is stopped. It goes on
-        after `hold_s`, once its posture is known.
+        after `hold_s`, once its posture is known. An arm that is elsewhere at the end, as after a
+        clock that jumped ahead, goes home once more.
         """
         current = self._arm.current
         if self._arm.under_way(now_ns):
@@ -97,7 +99,11 @@ class Waiting:
         if lost is None:
             return Transition(state)
         if current is None or (current.plan.kind == "home" and not lost):
-            return Transition(Idle())
+            if current is None or current is self._again or not self._arm.elsewhere(now_ns):
+                return Transition(Idle())
+            home = self.go_home(now_ns, state.interaction) or Transition(state)
+            self._again = home.command
+            return home
         if current is self._brake and now_ns - current.end_ns < self._parts.settings.hold_s * 1e9:
             return Transition(state)
         if state.interaction is None:

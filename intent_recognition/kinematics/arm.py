@@ -104,21 +104,22 @@ class Arm:
         values = q @ self._reduced.drive.T + self._reduced.offset
         return self._links.moving_points(values, rates @ self._reduced.drive.T)
 
-    def most_motion(self, velocity: Floats, acceleration: Floats) -> tuple[Floats, Floats]:
-        """Bounds on the speed and acceleration of the skeleton, (T,) [m/s] and (T,) [m/s^2].
+    def most_motion(
+        self, velocity: Floats, acceleration: Floats, jerk: Floats
+    ) -> tuple[Floats, Floats]:
+        """Bounds on the speed and jerk of the skeleton, (T,) [m/s] and (T,) [m/s^3].
 
-        They hold in any posture. `velocity` and `acceleration` bound those of the joints, (T, n)
-        each. The derivative of a point by joint j is at most the lever of j, the length of the
-        chain beyond it; the second derivative by two joints is at most the lever of the joint
-        nearer to the tip.
+        They hold in any posture. The arguments bound those of the joints, (T, n) each. The
+        derivative of a point by joint j is at most the lever of j, the length of the chain beyond
+        it; further derivatives are at most the lever of the joint nearest to the tip.
         """
-        drive = np.abs(self._reduced.drive)
-        rates, changes = np.abs(velocity) @ drive.T, np.abs(acceleration) @ drive.T
-        links = self._links
-        swept, turned = rates * links.levers, rates * links.turns
-        nearer = np.cumsum(turned, axis=1) - turned
-        curved = np.sum((turned + 2.0 * nearer) * swept, axis=1)
-        return swept.sum(axis=1), changes @ links.levers + curved
+        drive, links = np.abs(self._reduced.drive), self._links
+        v, a, j = (np.abs(rates) @ drive.T for rates in (velocity, acceleration, jerk))
+        turned, changed = v * links.turns, a * links.turns
+        before = np.cumsum(turned, axis=1) - turned
+        changed_before = np.cumsum(changed, axis=1) - changed
+        of_v = changed + changed_before + before**2 + before * turned + turned**2 / 3.0
+        return v @ links.levers, (j + 3.0 * (v * of_v + a * before)) @ links.levers
 
     def jacobian(self, q: ArrayLike) -> Floats:
         """Geometric Jacobian (6, n) of the tip in base axes at q (n,): linear rows come first."""

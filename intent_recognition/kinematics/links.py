@@ -24,8 +24,9 @@ class Links(NamedTuple):
 
     # index of the parent joint of each joint and of the tip (nv + 1,); -1 for the base
     parents: tuple[int, ...]
-    placements: Floats  # poses of the joints and the tip in the parent's frame (nv + 1, 4, 4)
-    axes: Floats  # axis of each joint in its own frame (nv, 3)
+    # what a joint or the tip adds to the parent's frame (nv + 1, 3, 11): its place, its axis, and
+    # the rotations I, K and K^2 by Rodrigues' formula, I + sin q K + (1 - cos q) K^2
+    parts: Floats
     turns: Floats  # 1 for a revolute joint, 0 for a prismatic one (nv,)
     # largest motion of any point per unit of each joint, in any posture (nv,): the length of the
     # chain beyond a revolute joint, 1 for a prismatic one
@@ -45,7 +46,7 @@ class Links(NamedTuple):
         if from_base is not None:
             root, pairs = from_base.homogeneous, zip(parents, placements, strict=True)
             placements = [root @ placement if k < 0 else placement for k, placement in pairs]
-        axes, turns, levers, travel = [], [], [], 0.0
+        axes, turns, levers, travel = [np.zeros(3)], [], [], 0.0
         for k in range(model.njoints - 1, 0, -1):
             joint = model.joints[k]
             data = joint.createData()
@@ -58,42 +59,43 @@ class Links(NamedTuple):
                 row = joint.idx_v
                 ends = model.lowerPositionLimit[row], model.upperPositionLimit[row]
                 travel += float(np.abs(ends).max())
-        order = slice(None, None, -1)
-        return cls(
-            parents, np.array(placements), *(np.array(a)[order] for a in (axes, turns, levers))
-        )
+        parts = []
+        for placement, axis in zip(placements, reversed(axes), strict=True):
+            turn, K = placement[:3, :3], np.cross(axis, np.eye(3)).T
+            own = [axis[:, None], np.eye(3), K, K @ K]
+            parts.append(np.hstack([placement[:3, 3:], turn @ np.hstack(own)]))
+        return cls(parents, np.array(parts), np.array(turns)[::-1], np.array(levers)[::-1])
 
     def moving_points(self, q: Floats, rates: Floats) -> tuple[Floats, Floats]:
         """Origins of the joints and of the tip, (T, nv + 1, 3) [m], and their speeds (T, nv + 1).
 
         Joint values and their rates are (T, nv) each.
         """
-        still = np.zeros((len(q), 3))
-        angles = q.T[:, :, None] * self.axes[:, None]  # all joints at once: each call is expensive
-        turned = Rotation.from_rotvec(angles.reshape(-1, 3)).as_matrix().reshape(*q.T.shape, 3, 3)
-        frames = [(np.eye(3), still, still, still)]  # the base, then the joints
-        for k, (parent, placement) in enumerate(zip(self.parents, self.placements, strict=True)):
-            turn, place, spin, speed = frames[parent + 1]
-            step = turn @ placement[:3, 3]
-            place, speed = place + step, speed + _cross(spin, step)
-            turn = turn @ placement[:3, :3]
-            if k < len(self.axes):
-                along, rate = turn @ self.axes[k], rates[:, k, None]
+        sines, cosines = np.sin(q.T), np.cos(q.T)
+        # vectors are (3, T), and rotations (3, 3, T) with their columns first: numpy is slow on
+        # short rows
+        still, turned = np.zeros((3, len(q))), [np.eye(3)[:, :, None] + np.zeros(len(q))]
+        steps, alongs, spins = [], [], [still]
+        for k, (parent, parts) in enumerate(zip(self.parents, self.parts, strict=True)):
+            own = (parts.T @ turned[parent + 1].reshape(3, -1)).reshape(-1, *still.shape)
+            step, along, turn, spin = own[0], own[1], own[2:5], spins[parent + 1]
+            if k < len(self.turns):
                 if self.turns[k]:
-                    turn, spin = turn @ turned[k], spin + along * rate
+                    turn = turn + sines[k] * own[5:8] + (1.0 - cosines[k]) * own[8:]
+                    spin, along = spin + along * rates[:, k], still
                 else:
-                    step = along * q[:, k, None]
-                    place, speed = place + step, speed + along * rate + _cross(spin, step)
-            frames.append((turn, place, spin, speed))
-        points = np.stack([place for _, place, _, _ in frames[1:]], axis=1)
-        speeds = [np.linalg.norm(speed, axis=1) for *_, speed in frames[1:]]
-        return points, np.stack(speeds, axis=1)
-
-
-def _cross(a: Floats, b: Floats) -> Floats:
-    """Cross product of vectors (T, 3); `np.cross` takes twice as long for so few."""
-    (a0, a1, a2), (b0, b1, b2) = a.T, b.T
-    return np.stack([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0], axis=1)
+                    step, along = step + along * q[:, k], along * rates[:, k]
+            turned.append(turn)
+            steps.append(step)
+            alongs.append(along)
+            spins.append(spin)
+        moved = [np.stack([still, still])]  # places and velocities
+        for parent, step, along in zip(self.parents, steps, alongs, strict=True):
+            (a0, a1, a2), (b0, b1, b2) = spins[parent + 1], step
+            swept = np.stack([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
+            moved.append(moved[parent + 1] + np.stack([step, swept + along]))
+        points, velocities = np.array(moved[1:]).transpose(1, 3, 0, 2)
+        return points, np.linalg.norm(velocities, axis=2)
 
 
 @dataclass(frozen=True, eq=False)

@@ -145,7 +145,7 @@ def run(
         The progress until it stops (at phase 1 unless braking), or None after 1500 steps: 150 s at
         the longest step of 0.1 s under limits of 8 rad/s^2 (`plan.plan_step`).
     """
-    bounds = [list(zip(*one, strict=True)) for one in zip(limits.a.tolist(), limits.b.tolist())]
+    bounds = _binding(limits)
     times, phases, rates = [0.0], [phase], [rate]
     t, s, v = 0.0, phase, rate
     for _ in range(1500):
@@ -166,6 +166,15 @@ def run(
         return None
     rates[-1] = 0.0
     return PathProgress(np.array(times), np.array(phases), np.array(rates))
+
+
+def _binding(limits: SpeedLimits) -> list[list[tuple[float, float]]]:
+    """The pairs (a, b) of each interval that can bind at the speeds with which it is reached."""
+    largest = 1.1 * np.maximum.accumulate(limits.cap)[1:, None]
+    bend = np.abs(limits.b) * largest
+    binds = limits.a - bend <= (limits.a + bend).min(axis=1, keepdims=True)
+    rows = zip(limits.a, limits.b, binds, strict=True)
+    return [list(zip(a[k].tolist(), b[k].tolist(), strict=True)) for a, b, k in rows]
 
 
 def _next_rate(
@@ -203,17 +212,21 @@ def _next_rate(
 
 
 def _under_cap(limits: SpeedLimits, s: float, v_next: float, half_step_s: float) -> float:
-    """The largest rate up to v_next that is allowed at the phase it leads to (by bisection)."""
-    low, high, rate = 0.0, v_next, v_next
-    for _ in range(13):
-        if rate <= largest_rate(limits, min(s + half_step_s * rate, 1.0)):
-            low = rate
-        else:
-            high = rate
-        if low == high:
-            break
-        rate = 0.5 * (low + high)
-    return low
+    """The largest rate up to v_next that is allowed at the phase it leads to.
+
+    The square of the largest rate is linear in each interval of the grid: x = cap + bend (s - own).
+    """
+    end = min(s + half_step_s * v_next, 1.0)
+    if v_next <= largest_rate(limits, end):
+        return v_next
+    for i in range(min(int(end * N_GRID), N_GRID - 1), int(s * N_GRID) - 1, -1):
+        bend = (limits.cap[i + 1] - limits.cap[i]) * N_GRID
+        half = 0.5 * bend * half_step_s
+        square = half * half + limits.cap[i] + bend * (s - i / N_GRID)
+        rate = half + max(square, 0.0) ** 0.5
+        if square >= 0.0 and i / N_GRID - 1e-12 <= s + half_step_s * rate <= end:
+            return max(rate, 0.0)
+    return 0.0
 
 
 def _phase_acceleration(

@@ -15,7 +15,7 @@ This is not a safety function: nothing here is monitored, and predictions can be
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,7 +135,7 @@ class Separation:
         """A bound on the ratio of the arm's speed to the permitted speed, over a plan.
 
         It holds from `since_ns` on, at any instant of the cubics of a plan that begins at
-        `start_ns`. Both speeds are computed in the middle of an interval; how much they change
+        `start_ns`. Both speeds are computed at the ends of an interval; how much they change
         within it is bounded by the joints' motion and by the speed of the tube. Intervals are
         halved until the bound is at most 1, or a ratio above 1 is found.
         """
@@ -155,22 +155,22 @@ class Separation:
     def _ratios(
         self, plan: JointPlan, start_ns: int, person: PredictedPerson, begin: Floats, end: Floats
     ) -> tuple[Floats, Floats]:
-        """Ratios in the middle of intervals (S,) [s] without knots inside, and bounds over them."""
-        points, speeds, most, gain = _motion(self.arm, plan, begin, end)
-        own, half = speeds.max(axis=1), 0.5 * (end - begin)
-        times = start_ns + np.stack([begin, begin + half, end]) * 1e9
-        distance = self.distance_m(points, times[1], person)
-        (mean, std), (later, later_std) = person.at(times[0]), person.at(times[2])
-        near = np.linalg.norm(later - mean, axis=1)
-        near += self.settings.deviations * np.abs(later_std - std)
-        least = permitted_speed(distance - most * half - 0.5 * near, self.settings)
+        """Ratios at the ends of intervals (S,) [s] without knots inside, and bounds over them."""
+        times_s, where, points, speeds, most, bend = _motion(self.arm, plan, begin, end)
+        times_ns = start_ns + times_s * 1e9
+        distance, (mean, std) = self.distance_m(points, times_ns, person), person.at(times_ns)
+        own, (first, last) = speeds.max(axis=1), where
+        near = np.linalg.norm(mean[last] - mean[first], axis=1)
+        near += self.settings.deviations * np.abs(std[last] - std[first])
+        least = 0.5 * (distance[where].sum(axis=0) - most * (end - begin) - near)
         found = own / permitted_speed(distance, self.settings)
-        return found, np.minimum(own + gain, most) / least
+        fastest = np.minimum(own[where].max(axis=0) + bend, most)
+        return found[where].max(axis=0), fastest / permitted_speed(least, self.settings)
 
 
 _Ratios = Callable[[Floats, Floats], tuple[Floats, Floats]]
 """Function of intervals, their begins and ends (S,) [s]. Returns the ratios of a speed to the
-permitted speed in their middle, and bounds over them."""
+permitted speed at their ends, and bounds over them."""
 
 
 def _worst_ratio(edges: Floats, ratios: _Ratios) -> float:
@@ -188,17 +188,21 @@ def _worst_ratio(edges: Floats, ratios: _Ratios) -> float:
     return worst
 
 
-def _motion(arm: Arm, plan: JointPlan, begin: Floats, end: Floats) -> tuple[Floats, ...]:
-    """Points of an arm (S, k, 3) and their speeds (S, k) in the middle of intervals (S,) [s].
+def _motion(arm: Arm, plan: JointPlan, begin: Floats, end: Floats) -> tuple[Any, ...]:
+    """An arm at the ends of intervals (S,) [s]: the times (T,), and which are the ends (2, S).
 
-    Also bounds (S,) on the speed of any point within them, and on its change up to their ends.
+    At these times the points (T, k, 3) and their speeds (T, k); and bounds (S,) on the speed of any
+    point within the intervals, and on what it exceeds its speeds at their ends by. A velocity
+    strays by at most c h^2 / 8 from the line between those, where c bounds its second derivative.
     """
-    middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
-    q, v, a = plan.sampled(middle)
-    jerk = (plan.sampled(begin)[2] - a) / -half[:, None]
-    fastest_a = np.abs(a) + np.abs(jerk) * half[:, None]
-    most, acceleration = arm.most_motion(np.abs(v) + fastest_a * half[:, None], fastest_a)
-    return *arm.moving_skeleton(q, v), most, acceleration * half
+    times_s, where = np.unique(np.stack([begin, end]), return_inverse=True)
+    where, h = where.reshape(2, -1), (end - begin)[:, None]
+    q, v, a = plan.sampled(times_s)
+    a = a[where[0]]
+    jerk = np.abs(plan.sampled(0.5 * (begin + end))[2] - a) / (0.5 * h)
+    fastest = np.abs(v[where]).max(axis=0) + jerk * h**2 / 8.0
+    most, change = arm.most_motion(fastest, np.abs(a) + jerk * h, jerk)
+    return times_s, where, *arm.moving_skeleton(q, v), most, change * h[:, 0] ** 2 / 8.0
 
 
 def phase_times_ns(plan: JointPlan, start_ns: int) -> Floats:
@@ -237,23 +241,25 @@ class SlowPlaces:
         least = speed[:-1].reshape(N_GRID, _N_LOOKS).min(axis=1)
         return np.asarray(np.minimum(least, speed[_N_LOOKS::_N_LOOKS]))
 
-    def excess(self, plan: JointPlan) -> float:
+    def excess(self, plan: JointPlan, since_s: float = 0.0) -> float:
         """A bound on the ratio of the tip's speed to the speed of its place, over a plan.
 
-        It holds at any instant of the plan's cubics, like that of `Separation.excess`.
+        It holds from a time on at any instant of the plan's cubics, like `Separation.excess`.
         """
-        return _worst_ratio(plan.times_s, partial(self._ratios, plan))
+        edges = np.unique(np.maximum(plan.times_s, since_s))
+        return _worst_ratio(edges[edges <= plan.duration_s], partial(self._ratios, plan))
 
     def _ratios(self, plan: JointPlan, begin: Floats, end: Floats) -> tuple[Floats, Floats]:
-        points, speeds, most, gain = _motion(self._arm, plan, begin, end)
+        _, where, points, speeds, most, bend = _motion(self._arm, plan, begin, end)
         away = np.linalg.norm(points[:, -1, None] - self._places[:, :3], axis=2)
-        nearest = away - 0.5 * (most * (end - begin))[:, None]
+        nearest = 0.5 * (away[where].sum(axis=0) - (most * (end - begin))[:, None])
         permitted, least = (
             np.where(gap < self._places[:, 3], self._places[:, 4], np.inf).min(axis=1)
             for gap in (away, nearest)
         )
         own = speeds[:, -1]
-        return own / permitted, np.minimum(own + gain, most) / least
+        fastest = np.minimum(own[where].max(axis=0) + bend, most)
+        return (own / permitted)[where].max(axis=0), fastest / least
 
 
 def parse_places(texts: Sequence[str]) -> Floats:

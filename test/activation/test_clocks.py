@@ -137,3 +137,39 @@ def test_with_three_in_ten_commands_lost_the_arm_ends_at_home(seed):
     run(12.0)
     assert "command_lost" in world.rejected and world.activation.mode is Mode.IDLE
     np.testing.assert_allclose(world.arm(), HOME, atol=1e-3)
+
+
+@pytest.mark.parametrize("jump_s", [0.3, 10.0])
+def test_after_a_clock_that_jumps_ahead_on_the_way_home_the_arm_goes_home_once_more(jump_s):
+    """The arm has stayed where it was; it stays away a second time, and is left there."""
+    world = World()
+    world.serve("plate")
+    world.run(2.0)
+    world.task = "idle"
+    world.run_until(Mode.HOMING)
+    world.run(0.4)
+    at, n = world.arm(), len(world.commands)
+    world.now_ns += round(jump_s * 1e9)
+    world.arm = lambda: at
+    world.run_until(Mode.IDLE)
+    (again,) = world.commands[n:]
+    np.testing.assert_allclose(again.plan.positions[[0, -1]], [at, HOME], atol=1e-9)
+    assert "commands_late" not in world.rejected
+
+
+def test_while_the_clock_stands_still_the_arm_goes_on_or_brakes_and_ends_at_home():
+    """Its joint states are used up to 1 s ahead, then named."""
+    world = World()
+    world.serve("plate")
+    world.task = "idle"
+    world.run_until(Mode.HOMING)
+    stands_ns = world.now_ns
+    for k in range(250):
+        now_ns = stands_ns + k * STEP_NS
+        q = world.reference(now_ns).position
+        world.activation.take_joint_state(now_ns, q, np.zeros(7), now_ns=stands_ns)
+        command = world.activation.step(stands_ns)
+        world.commands += [command] if command else []
+    assert world.commands[-1].plan.kind in ("home", "stop")
+    assert set(world.rejected) >= {"joint_state_in_future"}
+    world.go_home()

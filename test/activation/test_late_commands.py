@@ -204,6 +204,32 @@ def test_a_recording_that_happens_to_follow_seems_late_only_to_who_takes_it_for_
     assert ("commands_late" in world.rejected) == obeys
 
 
+def test_a_recording_in_a_loop_shows_that_it_obeys_nobody_by_moving_unasked():
+    """It moves before the task is recognised, and then as a late arm would."""
+    world, rng, noise = World(), np.random.default_rng(4), np.random.default_rng(4)
+    goal = GOALS["plate"] + rng.normal(0.0, 0.02, 7)
+    lasts_s, begins_s = 2.0 * rng.uniform(0.8, 1.2), rng.uniform(-0.2, 0.5)
+    back_s = lasts_s + begins_s + rng.uniform(0.5, 1.5)
+    onset_ns = world.now_ns + 10**18
+
+    def recorded():
+        since_s = (world.now_ns - onset_ns) * 1e-9
+        there = minimum_jerk((since_s - begins_s) / lasts_s)
+        back = minimum_jerk((since_s - back_s) / 1.5)
+        return HOME + there * (1.0 - back) * goal + noise.normal(0.0, 2e-4, 7)
+
+    world.arm = recorded
+    world.run(0.5)
+    for _ in range(2):
+        onset_ns, already_s = world.now_ns, rng.uniform(0.2, 0.8)
+        world.run(already_s)
+        world.begin("plate", already_s)
+        world.run(max(lasts_s + 0.2 - already_s, 0.5))
+        world.task = "idle"
+        world.run(back_s + 2.0 - lasts_s)
+    assert "arm_moving" in world.rejected and "commands_late" not in world.rejected
+
+
 def test_a_brake_that_is_lost_is_sent_again_to_an_arm_that_does_not_go_home():
     """After a reset it is idle, and begins nothing else meanwhile."""
     world, rng = World(return_home=False), np.random.default_rng(1)

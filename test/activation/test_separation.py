@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ways that are under way become slower as somebody comes, and quicker as they leave."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from activation_world import World
 from clearance_world import ARM, FAR_M, PATH, person
 
 from intent_recognition.activation import Mode, PretriggerSettings
-from intent_recognition.motion import Separation, SeparationSettings
+from intent_recognition.motion import Separation, SeparationSettings, SlowPlaces
 
 SEPARATION = Separation(ARM)
 
@@ -40,6 +42,24 @@ def test_a_person_who_comes_slows_the_way_that_is_under_way_and_who_leaves_quick
     world.activation.take_people((person(FAR_M),))
     world.run(0.1)
     assert world.commands[-1].end_ns < slow.end_ns - 200_000_000
+    world.go_home()
+
+
+def test_a_way_that_is_under_way_is_slow_at_the_places_of_an_arm_described_anew():
+    world = World()
+    world.run(0.3)
+    world.serve("plate")
+    world.run(2.0)
+    world.task = "idle"
+    world.run_until(Mode.HOMING)
+    world.run(0.25)
+    n, places = len(world.commands), SlowPlaces(ARM, np.array([[*HALFWAY, 0.15, 0.05]]))
+    assert places.excess(world.commands[-1].plan) > 2.0
+    world.activation.change(replace(world.activation._settings, slow_places=places))
+    world.run(1.0)
+    assert {command.plan.kind for command in world.commands[n:]} <= {"stop", "home"}
+    slow = world.commands[-1]
+    assert slow.plan.kind == "home" and places.excess(slow.plan) <= 1.0
     world.go_home()
 
 

@@ -107,18 +107,25 @@ def test_every_kind_of_joint_is_a_product_of_exponentials():
 
 @pytest.mark.parametrize("source", [MIXED, ROBOTS["lwr"]], ids=["mixed", "lwr"])
 def test_points_and_their_speeds_are_within_what_any_posture_allows(source):
-    """Speeds are differences of positions; neither they nor accelerations exceed the bounds."""
-    arm, rng, h = Arm.from_urdf(source), np.random.default_rng(0), 1e-4
+    """Speeds are differences of positions; neither they nor jerks exceed the bounds."""
+    arm, rng, h = Arm.from_urdf(source), np.random.default_rng(0), 1e-3
     q = rng.uniform(-0.5, 0.5, (50, arm.n_joints))
-    v, a = rng.normal(size=(2, *q.shape))
-    before, after = (arm.skeleton(q + s * h * v + 0.5 * h * h * a) for s in (-1, 1))
+    v, a, j = rng.normal(size=(3, *q.shape))
+    twice_before, before, after, twice_after = (
+        arm.skeleton(q + s * h * v + (s * h) ** 2 * a / 2.0 + (s * h) ** 3 * j / 6.0)
+        for s in (-2, -1, 1, 2)
+    )
     now = arm.skeleton(q)
     np.testing.assert_allclose(now[:, -1], arm.forward_kinematics(q)[:, :3, 3], atol=1e-12)
     speed = np.linalg.norm(after - before, axis=2).max(axis=1) / (2.0 * h)
-    np.testing.assert_allclose(arm.moving_skeleton(q, v)[1].max(axis=1), speed, rtol=1e-5)
-    bent = np.linalg.norm(after - 2.0 * now + before, axis=2).max(axis=1) / h**2
-    most_speed, most_acceleration = arm.most_motion(v, a)
-    assert np.all(speed <= most_speed * (1 + 1e-6)) and np.all(bent <= most_acceleration)
+    np.testing.assert_allclose(arm.moving_skeleton(q, v)[1].max(axis=1), speed, rtol=1e-4)
+    third = twice_after - 2.0 * after + 2.0 * before - twice_before
+    bent = np.linalg.norm(third, axis=2).max(axis=1) / (2.0 * h**3)
+    most_speed, most_jerk = arm.most_motion(v, a, j)
+    assert np.all(speed <= most_speed * (1 + 1e-6)) and np.all(bent <= most_jerk)
+    one = np.eye(arm.n_joints)[:1]  # the base's joint alone, evenly: a circle of its lever at most
+    levers, circle = arm.most_motion(one, 0.0 * one, 0.0 * one)
+    np.testing.assert_allclose(circle, levers)
 
 
 def test_base_and_tip_by_name_and_limits_of_what_copies():

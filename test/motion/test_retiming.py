@@ -20,7 +20,14 @@ from intent_recognition.motion.plan import (
     within,
 )
 from intent_recognition.motion.planning import _Budget, brake_along, plan_interaction
-from intent_recognition.motion.retiming import N_GRID, run, speed_limits
+from intent_recognition.motion.retiming import (
+    N_GRID,
+    SpeedLimits,
+    _under_cap,
+    largest_rate,
+    run,
+    speed_limits,
+)
 
 
 def samples(seed, duration_s, size=0.4, n_via=1, n=50):
@@ -324,3 +331,20 @@ def test_two_samples_without_velocities_are_enough_and_no_motion_is_a_plan():
     plan = plan_interaction(path, NominalTiming(-0.4, 1.0), JointReference.at_rest(HOME), LIMITS)
     np.testing.assert_allclose(plan.positions, np.tile(HOME, (len(plan.positions), 1)))
     assert plan.phase[-1] == 1.0
+
+
+@pytest.mark.parametrize("half_step_s", [0.01, 0.05])
+def test_the_rate_under_the_cap_is_the_largest_of_those_tried(rng, half_step_s):
+    """Also where the cap jumps, so that a rate above one that is not allowed may be."""
+    for _ in range(300):
+        cap = np.abs(np.cumsum(rng.normal(0.0, 0.05, N_GRID + 1)))
+        cap[50:] *= rng.choice([1.0, 30.0])
+        cap[-1] = 0.0
+        limits = SpeedLimits(np.empty(0), np.empty(0), tuple(cap.tolist()))
+        s, most = float(rng.choice([rng.random(), 0.4995])), float(rng.uniform(0.0, 1.5))
+        found = _under_cap(limits, s, most, half_step_s)
+        ends = [min(s + half_step_s * rate, 1.0) for rate in (found, *np.linspace(0.0, most, 500))]
+        allowed = [largest_rate(limits, end) for end in ends]
+        assert 0.0 <= found <= min(most, allowed[0] + 1e-9)
+        tried = [r for r, a in zip(np.linspace(0.0, most, 500), allowed[1:], strict=True) if r <= a]
+        assert found >= max(tried, default=0.0) - 1e-9

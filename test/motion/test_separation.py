@@ -127,3 +127,17 @@ def test_the_bound_holds_between_samples_and_is_tight():
         assert bound > 1.0 or bound >= true
         decided.add(bound > 1.0)
     assert decided == {False, True}
+
+
+def test_the_bound_of_a_slow_plan_is_that_of_its_fastest_instant():
+    """Between two samples the speed is theirs, but for the square of the time between them."""
+    near = person(ARM.forward_kinematics(PATH.spline(0.5))[:3, 3] + [0.0, 0.0, 0.3])
+    plan = PLAN
+    for _ in range(3):
+        ceiling = SEPARATION.rate_ceiling(PATH, phase_times_ns(plan, 0), near, ON_PATH)
+        plan = plan_along(PATH, 0.93 * ceiling)
+    times_s = np.arange(0.0, plan.duration_s, 1e-3)
+    points, speeds = ARM.moving_skeleton(*plan.sampled(times_s)[:2])
+    permitted = permitted_speed(SEPARATION.distance_m(points, times_s * 1e9, near), SETTINGS)
+    true = float((speeds.max(axis=1) / permitted).max())
+    assert true - 1e-9 <= SEPARATION.excess(plan, 0, near) <= 1.01 * true <= 1.01
