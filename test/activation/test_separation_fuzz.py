@@ -167,7 +167,10 @@ def test_an_arm_that_has_braked_does_not_plan_at_each_step(monkeypatch):
 
 
 def test_a_motion_slows_while_another_task_that_is_recognised_cannot_begin():
-    """Somebody comes to the arm when the task changes: there is no way along which to begin."""
+    """Somebody comes to the arm when the task changes: there is no way along which to begin.
+
+    The other task begins once the arm has braked, no faster than permitted.
+    """
     world = RecordingWorld(separation=SEPARATION)
     world.begin("plate", already_s=0.3)
     world.run(0.7)
@@ -177,7 +180,7 @@ def test_a_motion_slows_while_another_task_that_is_recognised_cannot_begin():
     known = [(START_NS, ()), (world.now_ns, (person,))]
     world.begin("screw", already_s=0.0)
     world.run(1.0)
-    assert "infeasible" in world.rejected and world.tasks_seen == ["", "plate"]
+    assert world.rejected.count("infeasible") > 2 and world.tasks_seen[:2] == ["", "plate"]
     assert max(largest_ratios(world, known)) <= 1.0 + 1e-6
 
 
