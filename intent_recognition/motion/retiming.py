@@ -214,7 +214,8 @@ def _next_rate(
 def _under_cap(limits: SpeedLimits, s: float, v_next: float, half_step_s: float) -> float:
     """The largest rate up to v_next that is allowed at the phase it leads to.
 
-    The square of the largest rate is linear in each interval of the grid: x = cap + bend (s - own).
+    The square of the largest rate is linear in each interval of the grid: the rate is the larger
+    root of a quadratic in the last interval that holds it.
     """
     end = min(s + half_step_s * v_next, 1.0)
     if v_next <= largest_rate(limits, end):
@@ -223,9 +224,10 @@ def _under_cap(limits: SpeedLimits, s: float, v_next: float, half_step_s: float)
         bend = (limits.cap[i + 1] - limits.cap[i]) * N_GRID
         half = 0.5 * bend * half_step_s
         square = half * half + limits.cap[i] + bend * (s - i / N_GRID)
-        rate = half + max(square, 0.0) ** 0.5
-        if square >= 0.0 and i / N_GRID - 1e-12 <= s + half_step_s * rate <= end:
-            return max(rate, 0.0)
+        if square >= 0.0:
+            rate = max(half + square**0.5, 0.0)
+            if i / N_GRID - 1e-12 <= s + half_step_s * rate <= min((i + 1) / N_GRID, end) + 1e-12:
+                return rate
     return 0.0
 
 

@@ -348,3 +348,11 @@ def test_the_rate_under_the_cap_is_the_largest_of_those_tried(rng, half_step_s):
         assert 0.0 <= found <= min(most, allowed[0] + 1e-9)
         tried = [r for r, a in zip(np.linspace(0.0, most, 500), allowed[1:], strict=True) if r <= a]
         assert found >= max(tried, default=0.0) - 1e-9
+
+
+def test_a_long_step_does_not_leap_over_where_the_cap_is_zero():
+    """Below 1 until phase .01, then s'^2 <= 2 - 100 s with s = .05 s', hence s'^2 + 5 s' = 2."""
+    cap = np.zeros(N_GRID + 1)
+    cap[:4] = 1.0, 1.0, 0.0, 0.33
+    found = _under_cap(SpeedLimits(np.empty(0), np.empty(0), tuple(cap.tolist())), 0.0, 1.0, 0.05)
+    assert found == pytest.approx((33.0**0.5 - 5.0) / 2.0)
