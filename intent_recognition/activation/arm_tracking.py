@@ -162,19 +162,21 @@ class ArmTracking:
         If so, the arm rests at the end of the command before, which is in force again.
         """
         measured = self._recent(now_ns)
-        if self._measured is None or len(self._history) < 2 or not self.obeys:
+        if self._measured is None or not self._history or not self.obeys:
             return False
         if measured is None:
             return None
         if self._error(measured) <= HELD_WITHIN_RAD:
             return False
-        before, ended = list(self._history)[-2:]
+        *before, ended = self._history
         if measured.time_ns <= ended.end_ns + _SETTLING_NS:
             return None
-        off_rad = np.abs(measured.position - before.at(measured.time_ns).position).max()
+        if not before:
+            return False
+        off_rad = np.abs(measured.position - before[-1].at(measured.time_ns).position).max()
         lost = off_rad <= HELD_WITHIN_RAD and self.at_rest(measured)
         if lost:
-            self._return_to(before, "rests at the end of")
+            self._return_to(before[-1], "rests at the end of")
         return bool(lost)
 
     def elsewhere(self, now_ns: int) -> bool:

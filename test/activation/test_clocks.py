@@ -157,6 +157,28 @@ def test_after_a_clock_that_jumps_ahead_on_the_way_home_the_arm_goes_home_once_m
     assert "commands_late" not in world.rejected
 
 
+def test_an_arm_that_lags_behind_its_only_command_goes_home_once():
+    """It was pushed aside before, so that the way home is the only command that it remembers."""
+    world = World()
+    world.serve("plate")
+    world.run(2.0)
+    world.task = "idle"
+    world.run_until(Mode.HOMING)
+    world.run(0.4)
+    aside, left = world.arm() + 0.5, world.commands[-1]
+
+    def lags():
+        way = world.commands[-1]
+        if way is left or way.plan.kind == "stop":
+            return aside
+        return way.at(max(world.now_ns - 200_000_000, way.start_ns)).position
+
+    world.arm = lags
+    world.run_until(Mode.IDLE)
+    np.testing.assert_allclose(world.commands[-1].plan.positions[[0, -1]], [aside, HOME], atol=1e-9)
+    np.testing.assert_allclose(world.arm(), HOME, atol=0.05)
+
+
 def test_while_the_clock_stands_still_the_arm_goes_on_or_brakes_and_ends_at_home():
     """Its joint states are used up to 1 s ahead, then named."""
     world = World()
