@@ -201,7 +201,9 @@ class Motions:
         too_fast = paced and self.slowing.too_fast(current.plan, current.start_ns, start_ns)
         since_s = (start_ns - current.start_ns) * 1e-9
         touches = moved and self._obstruction(current.plan, since_s) is not None
-        quicker = paced and way.slowed and (new[1] or self.slowing.moved(current, way.people))
+        # where people are unknown, a slowed way stays slow
+        seen = paced and way.slowed and bool(self.slowing.people)
+        quicker = seen and (new[1] or self.slowing.moved(current, way.people))
         if not (too_fast or touches or brakes or quicker):
             return None
         self._tried_ns = now_ns

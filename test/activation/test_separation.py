@@ -14,9 +14,9 @@ from intent_recognition.motion import Separation, SeparationSettings, SlowPlaces
 SEPARATION = Separation(ARM)
 
 
-def on_the_way_home():
+def on_the_way_home(**settings):
     """After an interaction, with a person far away."""
-    world = World(separation=SEPARATION)
+    world = World(separation=SEPARATION, **settings)
     world.run(0.3)
     world.serve("plate")
     world.run(2.0)
@@ -43,6 +43,18 @@ def test_a_person_who_comes_slows_the_way_that_is_under_way_and_who_leaves_quick
     world.run(0.1)
     assert world.commands[-1].end_ns < slow.end_ns - 200_000_000
     world.go_home()
+
+
+@pytest.mark.parametrize("places", [None, SlowPlaces(ARM, np.array([[*FAR_M, 0.1, 0.05]]))])
+def test_a_slowed_way_stays_slow_where_people_are_unknown(places):
+    world = on_the_way_home(slow_places=places)
+    world.activation.take_people((person(HALFWAY),))
+    world.run(0.5)
+    slow = world.commands[-1]
+    assert slow.way.slowed
+    world.activation.take_people(())
+    world.run(0.3)
+    assert world.commands[-1] is slow
 
 
 def test_a_way_that_is_under_way_is_slow_at_the_places_of_an_arm_described_anew():
