@@ -80,11 +80,12 @@ class Slowing:
         def excess(plan: JointPlan) -> float:
             return 0.0 if separation is None else separation.worst_excess(plan, start_ns, people)
 
-        fast = plan is not None and excess(plan) > 1.0
-        if not fast and plan is not None:
-            plan = self._slow_at_places(plan, start)
+        if plan is not None and excess(plan) <= 1.0:
+            at_own_speed, plan = plan, self._slow_at_places(plan, start)
             if plan is None and own is None:
                 plan = again(None, _LONGEST)
+            if plan is None or plan is at_own_speed or excess(plan) <= 1.0:
+                return plan, False
         if plan is None or separation is None:
             return plan, False
 
@@ -94,18 +95,16 @@ class Slowing:
             ceilings = [separation.rate_ceiling(path, times_ns, who, there) for who in people]
             return np.asarray(_HEADROOM * np.min(ceilings, axis=0))
 
-        slow: JointPlan | None = plan
-        for stretch in (*_STRETCHES, None):
+        for stretch in _STRETCHES:
+            newer = ceiling_of(path, plan)
+            ceiling = newer if ceiling is None else np.minimum(_HEADROOM * ceiling, newer)
+            slow = again(ceiling, stretch)
             if slow is None:
                 break
-            if not fast and excess(slow) <= 1.0:
-                self._counts["slowed by person"] += ceiling is not None
-                return slow, ceiling is not None
-            plan, fast = slow, False
-            if stretch is not None:
-                newer = ceiling_of(path, plan)
-                ceiling = newer if ceiling is None else np.minimum(_HEADROOM * ceiling, newer)
-                slow = again(ceiling, stretch)
+            if excess(slow) <= 1.0:
+                self._counts["slowed by person"] += 1
+                return slow, True
+            plan = slow
         if start.velocity.any():
             return None, True
         uniform = replace(plan, phase=plan.times_s / plan.duration_s)
@@ -114,10 +113,7 @@ class Slowing:
             plan,
             start,
             lambda way: ceiling_of(way, uniform),
-            lambda plan: max(
-                excess(plan),
-                0.0 if places is None else places.excess(plan),
-            ),
+            lambda plan: max(excess(plan), 0.0 if places is None else places.excess(plan)),
         )
         self._counts["slowed by person"] += slow is not None
         return slow, True
