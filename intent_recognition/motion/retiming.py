@@ -43,6 +43,9 @@ class SpeedLimits(NamedTuple):
     cap: tuple[float, ...]
 
 
+_Bounds = tuple[float, list[tuple[float, float]]]
+
+
 class PathProgress(NamedTuple):
     """Phase and phase rate at increasing times, each (T,); the last rate is zero."""
 
@@ -145,7 +148,7 @@ def run(
         The progress until it stops (at phase 1 unless braking), or None after 1500 steps: 150 s at
         the longest step of 0.1 s under limits of 8 rad/s^2 (`plan.plan_step`).
     """
-    bounds = _binding(limits)
+    bounds = _bounds(limits)
     times, phases, rates = [0.0], [phase], [rate]
     t, s, v = 0.0, phase, rate
     for _ in range(1500):
@@ -168,25 +171,25 @@ def run(
     return PathProgress(np.array(times), np.array(phases), np.array(rates))
 
 
-def _binding(limits: SpeedLimits) -> list[list[tuple[float, float]]]:
-    """The pairs (a, b) of each interval that can bind at the speeds with which it is reached."""
-    largest = 1.1 * np.maximum.accumulate(limits.cap)[1:, None]
-    bend = np.abs(limits.b) * largest
+def _bounds(limits: SpeedLimits) -> list[_Bounds]:
+    """The cap of x in each interval, and the pairs (a, b) that can bind under it."""
+    caps = np.maximum(limits.cap[:-1], limits.cap[1:])
+    bend = np.abs(limits.b) * caps[:, None]
     binds = limits.a - bend <= (limits.a + bend).min(axis=1, keepdims=True)
-    rows = zip(limits.a, limits.b, binds, strict=True)
-    return [list(zip(a[k].tolist(), b[k].tolist(), strict=True)) for a, b, k in rows]
+    rows = zip(caps.tolist(), limits.a, limits.b, binds, strict=True)
+    return [(x, list(zip(a[k].tolist(), b[k].tolist(), strict=True))) for x, a, b, k in rows]
 
 
 def _next_rate(
     limits: SpeedLimits,
-    bounds: list[list[tuple[float, float]]],
+    bounds: list[_Bounds],
     s: float,
     v: float,
     t: float,
     nominal: NominalTiming | None,
     step_s: float,
 ) -> float:
-    """The phase rate one step later; `bounds` holds the pairs (a, b) of each interval."""
+    """The phase rate one step later; `bounds` are those of each interval."""
     low, high = _phase_acceleration(bounds, s, v, step_s)
     wanted = 0.0
     if nominal is not None and t >= nominal.onset_s:
@@ -232,14 +235,18 @@ def _under_cap(limits: SpeedLimits, s: float, v_next: float, half_step_s: float)
 
 
 def _phase_acceleration(
-    bounds: list[list[tuple[float, float]]], s: float, v: float, step_s: float
+    bounds: list[_Bounds], s: float, v: float, step_s: float
 ) -> tuple[float, float]:
-    """Lowest and highest s'' that keep the limits in every interval that the step touches."""
+    """Lowest and highest s'' that keep the limits in every interval that the step touches.
+
+    No interval is reached above its cap: at a larger x, a joint that turns there leaves no room.
+    """
     first = min(int(s * N_GRID), N_GRID - 1)
     last = min(int((s + v * step_s) * N_GRID), N_GRID - 1) + 1
-    x, least, high = v * v, inf, inf
-    for interval in bounds[first:last]:  # numpy takes three times as long for so few numbers
-        for a, b in interval:
+    least, high = inf, inf
+    for cap, pairs in bounds[first:last]:  # numpy takes three times as long for so few numbers
+        x = min(v * v, cap)
+        for a, b in pairs:
             bend = b * x
             if a + bend < least:
                 least = a + bend

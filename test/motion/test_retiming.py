@@ -107,6 +107,15 @@ def test_a_long_step_that_speeds_up_ends_within_the_acceleration_that_is_allowed
     assert np.abs(ends / LIMITS.acceleration)[rise[:, 0] > 0.0].max() < 1.1
 
 
+def test_progress_does_not_brake_harder_than_its_own_bound_where_a_joint_turns():
+    """There the path's slope is near zero, and the speed alone decides the acceleration."""
+    for seed in range(12):
+        path = path_of(*samples(seed, 3.0, n_via=2))
+        bounds = speed_limits(path, LIMITS.velocity, LIMITS.acceleration, np.ones(N_GRID), None)
+        rates = run(bounds, 0.0, 0.0, NominalTiming(-2.0, 3.0), step_s=0.02).rate
+        assert np.abs(np.diff(rates[:-1]) / 0.02).max() <= 15.0 / 3.0 + 1e-9
+
+
 @pytest.mark.parametrize("factor", [180.0 / np.pi, 1.0])
 def test_a_prediction_of_another_range_is_refused(factor):
     """In degrees; or of an arm one joint of which begins and stays elsewhere."""
