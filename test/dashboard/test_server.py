@@ -12,11 +12,11 @@ import socket
 import msgspec
 import numpy as np
 import pytest
-from dashboard.browser import free_port
+from dashboard.browser import HEIGHT, WIDTH, chromium, free_port
 from dashboard.guarded import TOKEN, eventually, guarded
 from websockets.exceptions import InvalidStatus
 
-from benchmarks.browser import resident_mb
+from benchmarks.browser import SEEN, fresh_page, resident_mb
 from intent_recognition.dashboard import server as served
 from intent_recognition.dashboard.admission import IDLE_S, answers, script_sources
 from intent_recognition.dashboard.welcome import ALWAYS, AUTO, LIGHT, NEVER, PLAIN
@@ -278,3 +278,21 @@ def test_the_address_with_the_token_is_a_page_as_light_as_is_wanted(light):
         assert page.get(PLAIN)[0] == page.get(LIGHT)[0] == 200
         assert page.get("/plain")[0] == page.get("/light")[0] == 204
         assert opened == ([False, True] if light == AUTO else [])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("light", [ALWAYS, NEVER])
+def test_a_light_page_does_not_load_the_light_that_it_will_not_use(light):
+    """viser asks for its own as it makes the scene, so before it adds the first node."""
+    chromium()
+    note = """window.pictures = 0; const before = window.fetch;
+    window.fetch = (wanted, given) => {
+      window.pictures += String(wanted.url || wanted).startsWith("data:image");
+      return before(wanted, given);
+    };"""
+    with guarded(light=light) as served, fresh_page(WIDTH, HEIGHT) as (_, page):
+        served.server.scene.add_frame("/seen")
+        page.add_init_script(note)
+        page.goto(f"http://127.0.0.1:{served.port}/?token={TOKEN}")
+        page.wait_for_function(SEEN, arg="/seen")
+        assert page.evaluate("window.pictures") == (light == NEVER)
