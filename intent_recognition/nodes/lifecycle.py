@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A lifecycle node that starts active and reports every exception."""
 
+import sys
 import traceback
 from collections.abc import Callable
 from functools import partial
@@ -10,7 +11,7 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from intent_recognition.errors import ArgumentError, IntentError
-from intent_recognition.nodes.parameters import declare
+from intent_recognition.nodes.parameters import check_given, declare
 
 
 class ManagedNode(LifecycleNode):
@@ -57,7 +58,12 @@ class ManagedNode(LifecycleNode):
             raise ArgumentError("the node is not active")
 
     def start(self) -> None:
-        """Configure and activate if `autostart` is set."""
+        """Configure and activate if `autostart` is set, unless a parameter is misspelt.
+
+        Raises:
+            ArgumentError: the process was given a parameter that the node does not have.
+        """
+        check_given(self, sys.argv)
         if not self._autostart:
             return
         self._starting = True

@@ -21,7 +21,7 @@ from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from intent_recognition.errors import ArgumentError, IntentError, one_line
+from intent_recognition.errors import ArgumentError, IntentError, nearest, one_line
 from intent_recognition.parameter_table import ParameterSpec, parameter_parts
 
 Changes = Mapping[str, Any]
@@ -208,6 +208,16 @@ def parameter_sources(arguments: Sequence[str], node: str) -> dict[str, str]:
             if not target or target[0].strip("/") == node.rsplit("/", 1)[-1]:
                 sources[name] = COMMAND_LINE
     return sources
+
+
+def check_given(node: Node, arguments: Sequence[str]) -> None:
+    """Refuse parameters of a command line that a node has not declared."""
+    known = node.get_parameters_by_prefix("")
+    for name, source in parameter_sources(arguments, node.get_fully_qualified_name()).items():
+        of_topic = name.partition(".")[0] == "qos_overrides"  # declared with each topic
+        if source == COMMAND_LINE and name not in known and not of_topic:
+            cure = nearest(name, known, f"They are {', '.join(sorted(known))}.")
+            raise ArgumentError.about("-p", "a parameter of the node", name, cure)
 
 
 def _names(path: str, node: str) -> list[str]:

@@ -24,9 +24,9 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.timer import Timer
 from rclpy.utilities import try_shutdown
 
-from intent_recognition.errors import ArgumentError, IntentError, nearest, one_line
+from intent_recognition.errors import ArgumentError, IntentError, one_line
 from intent_recognition.interrupts import SAME_S
-from intent_recognition.nodes.parameters import COMMAND_LINE, parameter_sources
+from intent_recognition.nodes.parameters import check_given
 
 SomeNode = TypeVar("SomeNode", bound=Node)
 _START_ERRORS = (
@@ -89,16 +89,6 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
         finally:
             signals.restore(ending=args is None)
     return int(getattr(node, "exit_code", 0) or 0)
-
-
-def check_given(node: Node, arguments: Sequence[str]) -> None:
-    """Refuse parameters of a command line that a node has not declared."""
-    known = node.get_parameters_by_prefix("")
-    for name, source in parameter_sources(arguments, node.get_fully_qualified_name()).items():
-        of_topic = name.partition(".")[0] == "qos_overrides"  # declared with each topic
-        if source == COMMAND_LINE and name not in known and not of_topic:
-            cure = nearest(name, known, f"They are {', '.join(sorted(known))}.")
-            raise ArgumentError.about("-p", "a parameter of the node", name, cure)
 
 
 def settle() -> None:

@@ -17,6 +17,7 @@ from sensor_msgs.msg import JointState
 from intent_recognition.errors import ArgumentError, ModelError
 from intent_recognition.nodes import mocap_ingest, qos
 from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.parameters import declare_one
 from intent_recognition.nodes.runtime import LeftOvers, _Signals, run, when_clock_goes_back
 from intent_recognition.parameter_table import ParameterSpec
@@ -151,6 +152,23 @@ def test_what_it_cannot_start_with_is_one_line(capfd, monkeypatch, override, tol
     (line,) = capfd.readouterr().err.splitlines()
     assert re.search(told, line)
     assert len(words) < 2 or ("[FATAL]" in line and "[mocap_ingest]" in line)
+
+
+def test_a_misspelt_parameter_is_refused_before_the_node_is_configured(capfd, monkeypatch):
+    begun = []
+
+    class Managed(ManagedNode):
+        def __init__(self):
+            super().__init__("managed")
+            self.start()
+
+        def configure(self):
+            begun.append("configured")
+
+    words = ["managed", "--ros-args", "-p", "autostrat:=false"]
+    monkeypatch.setattr("sys.argv", words)
+    assert run(Managed, words) == 1
+    assert begun == [] and "Did you mean autostart" in capfd.readouterr().err
 
 
 def test_a_node_that_does_not_end_is_ended_by_a_later_interrupt(monkeypatch):
