@@ -22,6 +22,7 @@ from rich.console import Console
 from intent_recognition.bags import BagReader
 from intent_recognition.cli import output
 from intent_recognition.cli.console import boxed_table, progress_bar, say
+from intent_recognition.cli.rejections import print_dropped_counts
 from intent_recognition.evaluation import explain, replay
 from intent_recognition.model import load_model
 from intent_recognition.promp import NONE, TaskLibrary
@@ -48,9 +49,7 @@ def run(args: argparse.Namespace) -> int:
     active = {row["active_task"] for row in rows}
     for reason in (reason for task, reason in held_back.items() if task not in active):
         say(console, f"not activated: {reason}", "yellow")
-    if rejected:
-        dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(rejected.items()))
-        console.print(f"messages dropped: {dropped}", style="yellow")
+    print_dropped_counts(console, rejected)
     if args.report:
         found, title = explain(reader, model), f"Decisions in {args.bag.name}"
         output.write_report(console, args.report, explanation_page, found, title)
