@@ -65,14 +65,9 @@ def _is_packed(path: Path) -> bool:
     return path.suffix.lower() in (".gz", ".bz2", ".xz", ".zip")
 
 
-def has_tables(source: Path) -> bool:
-    """Whether a path is or contains a table that can be imported."""
-    return bool(_tables(source))
-
-
 def find_tables(source: Path) -> list[Path]:
     """The tables at a path or in a folder, sorted by name; raises BagError if there is none."""
-    if found := _tables(source):
+    if found := tables_at(source):
         return found
     kinds = ", ".join([*TEXTS, *SUFFIXES])
     got = "nothing of that name" if not source.exists() else "none"
@@ -83,7 +78,8 @@ def find_tables(source: Path) -> list[Path]:
     raise BagError.about(str(source), f"{kinds} or a LeRobot data set", got, cure)
 
 
-def _tables(source: Path) -> list[Path]:
+def tables_at(source: Path) -> list[Path]:
+    """The tables at a path or in a folder, sorted by name; empty if there is none."""
     if is_lerobot(source) or source.is_file():
         return [source] if is_lerobot(source) or is_table(source) else []
     files = [path for path in source.rglob("*") if path.is_file() and is_table(path)]

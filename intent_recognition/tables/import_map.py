@@ -242,11 +242,8 @@ def _time(value: object, place: str) -> TimeSource:
 def _segments(value: object, place: str) -> str | tuple[Cut, ...] | None:
     if value is None:
         return None
-    if isinstance(value, Mapping):
-        items = _mapping(value, place, ("column",))
-        if "column" not in items:
-            raise _error(place, "a column, or a list of start and end", value)
-        return str(items["column"])
+    if isinstance(value, Mapping) and "column" in _mapping(value, place, ("column",)):
+        return str(value["column"])
     if not isinstance(value, list) or not value:
         raise _error(place, "a column, or a list of start and end", value)
     cuts = []

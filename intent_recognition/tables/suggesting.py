@@ -16,7 +16,7 @@ from intent_recognition.demonstrations import find_bags
 from intent_recognition.errors import BagError, printable
 from intent_recognition.signals import LONGEST_LABEL, NONE, can_name_task, hidden_rows
 from intent_recognition.tables.cells import OF_IMAGE, numbers, texts
-from intent_recognition.tables.files import FileKind, file_kinds, find_tables, has_tables
+from intent_recognition.tables.files import FileKind, file_kinds, find_tables, tables_at
 from intent_recognition.tables.flags import flags_of, seen_rows
 from intent_recognition.tables.suggested_entries import (
     MOST_SUGGESTED,
@@ -78,7 +78,7 @@ def suggest_map(source: Path) -> str:
     Raises:
         BagError: nothing in the source can be read or suggested.
     """
-    if source.exists() and not has_tables(source) and (bags := find_bags(source)):
+    if source.exists() and not tables_at(source) and (bags := find_bags(source)):
         return suggest_of_bags(source, bags)
     kinds = file_kinds(source, find_tables(source))
     several = len(kinds) > 1
