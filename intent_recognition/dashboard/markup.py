@@ -4,7 +4,6 @@
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
-from itertools import cycle
 
 from intent_recognition.dashboard.cell import (
     ASKED,
@@ -288,11 +287,6 @@ def _number(text: str, form: str) -> str:
 def chip(label: str, colour: str) -> str:
     """A white label on a coloured background."""
     return f'<span class="i-chip" style="background:{colour}">{escape(label)}</span>'
-
-
-def people_colours(names: Iterable[str]) -> dict[str, str]:
-    """One colour for each person."""
-    return dict(zip(names, cycle(PERSON_COLOURS)))
 
 
 def _item(mark: str, content: str, colour: str, weight: str) -> str:

@@ -4,6 +4,7 @@
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
+from itertools import cycle
 from pathlib import Path
 
 from intent_recognition.dashboard import markup
@@ -149,7 +150,7 @@ class DashboardPage:
         now_s = self._clock()
         state = self._state
         self._choose_colours()
-        people = markup.people_colours(name for name in state.people if name)
+        people = dict(zip(filter(None, state.people), cycle(markup.PERSON_COLOURS)))
         problem = self._scene.update(state, self._colours, people, now_s)
         if now_s - self._panel_at_s >= 0.1:
             self._panel_at_s = now_s
