@@ -141,12 +141,6 @@ def test_where_the_names_are_is_seen(kind, tmp_path):
     check_wrist(imported_csv(tmp_path, content, columns, unit="mm", time={"column": time}))
 
 
-@pytest.mark.parametrize("content", ["\n5", "\n\n1,2\n3,4\n", "#\n\n1\n"])
-def test_a_first_line_without_cells_is_no_line_of_names(content, tmp_path):
-    samples, said = imported_csv(tmp_path, content)
-    assert samples is None and "columns of the map" in said
-
-
 def test_a_line_of_one_name_is_no_title_above_numbers(tmp_path):
     content = plain(scale=10.0, head="t,,,")
     check_wrist(imported_csv(tmp_path, content, [1, 2, 3], unit="mm"), PLACE / 100)
@@ -237,6 +231,21 @@ REFUSED = {
     "speeds below the names": (plain(head="t,x,y,z\ns,m/s,m/s,m/s"), "got 'm/s'"),
     "one row": ("t,x,y,z\n0,1,2,3\n", "empty: 1 sample with a time of its own"),
     "another kind of file": ("PK\3\4\0\0\0\1" * 20, "bytes that are no text"),
+    "dates of which no order is possible": (
+        table(
+            "t,x,y,z",
+            lambda k: [f"{'1/13' if k < ROWS - 1 else '13/1'}/2024 10:00:00", *cells(k)],
+        ),
+        "got '1/13/2024 10:00:00' in row 1 beside '13/1/2024 10:00",
+    ),
+    **{
+        f"the time {text}": (plain(at=lambda t, text=text: text), "expected times")
+        for text in ("10:00:00:12", "10:00", "13:00:00.5 PM", "31/31/2024 10:00:00")
+    },
+    **{
+        f"no names in {content!r}": (content, "columns of the map")
+        for content in ("\n5", "\n\n1,2\n3,4\n", "#\n\n1\n")
+    },
 }
 
 
@@ -308,19 +317,6 @@ def test_times_that_begin_anew_are_cut_there(late_s, tmp_path):
     assert [one.name for one in found] == ["a_000", "a_001", "a_002"]
     for (a, b), one in zip(pairwise(starts), found, strict=True):
         np.testing.assert_allclose(one.samples[0].values, PLACE[a : b - 1] / 1000, atol=1e-6)
-
-
-@pytest.mark.parametrize("text", ["10:00:00:12", "10:00", "13:00:00.5 PM", "31/31/2024 10:00:00"])
-def test_a_time_that_may_mean_several_things_is_refused(text, tmp_path):
-    samples, said = imported_csv(tmp_path, plain(scale=10.0, at=lambda t: text), unit="mm")
-    assert samples is None and "expected times" in said
-
-
-def test_dates_of_which_no_order_is_possible_are_refused_with_both(tmp_path):
-    days = iter(f"{day} 10:00:00" for day in ["1/13/2024"] * (ROWS - 1) + ["13/1/2024"])
-    samples, said = imported_csv(tmp_path, plain(at=lambda t: next(days)), unit="mm")
-    assert samples is None
-    assert "got '1/13/2024 10:00:00' in row 1 beside '13/1/2024 10:00:00'" in said
 
 
 LEVELS = {
