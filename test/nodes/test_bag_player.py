@@ -58,9 +58,8 @@ def bag(tmp_path):
     return write(tmp_path / "bag", ("reliable", "volatile", 10))
 
 
-def player(bag, **values) -> BagPlayer:
-    values = {"bag": str(bag), **values}
-    return BagPlayer(parameter_overrides=[Parameter(n, value=v) for n, v in values.items()])
+def player(harness, bag, **values) -> BagPlayer:
+    return harness.node(BagPlayer, bag=str(bag), **values)
 
 
 def raw_collector(harness, message_type, topic, qos):
@@ -75,7 +74,7 @@ def raw_collector(harness, message_type, topic, qos):
 @pytest.mark.parametrize("rate", [0.0, 5.0])
 def test_every_byte_arrives_from_the_first_message_on(harness, bag, rate):
     seen = raw_collector(harness, PoseStamped, "mocap/wrist/pose", EVERY)
-    node = harness.add(player(bag, rate=rate))
+    node = player(harness, bag, rate=rate)
     harness.spin_until(lambda: len(seen) >= 30 and node.done)
     recorded = [m.data for m in BagReader(bag).raw_messages(["/mocap/wrist/pose"])]
     assert [data for _, data in seen] == recorded
@@ -84,7 +83,7 @@ def test_every_byte_arrives_from_the_first_message_on(harness, bag, rate):
 def test_latched_and_sensor_topics_keep_their_quality(harness, tmp_path):
     seen = raw_collector(harness, PoseStamped, "mocap/wrist/pose", SENSOR)
     described = harness.collect(String, "robot_description", LATCHED)
-    node = harness.add(player(write(tmp_path / "bag"), rate=5.0))
+    node = player(harness, write(tmp_path / "bag"), rate=5.0)
     harness.spin_until(lambda: seen and described and node.done)
     offered = {p.topic_name: p for p in node.publishers}["/mocap/wrist/pose"].qos_profile
     assert offered.reliability == QoSReliabilityPolicy.BEST_EFFORT
@@ -97,7 +96,7 @@ def test_rhythm_is_the_recorded_one(harness, bag, monkeypatch):
     clock = Mock(monotonic=lambda: sum(now_s), sleep=now_s.append)
     monkeypatch.setattr(bag_player, "time", clock)
     monkeypatch.setattr(BagPlayer, "_publish", lambda *a: (sent_s.append(sum(now_s)), publish(*a)))
-    node = harness.add(player(bag))
+    node = player(harness, bag)
     harness.spin_until(node.finished.is_set)
     log_s = np.array([m.log_time_ns for m in BagReader(bag).raw_messages()]) * 1e-9
     np.testing.assert_allclose(np.array(sent_s) - sent_s[0], log_s - log_s[0], atol=1e-6)
@@ -105,7 +104,7 @@ def test_rhythm_is_the_recorded_one(harness, bag, monkeypatch):
 
 def test_begins_where_asked_and_plays_the_topics_asked_for(harness, bag):
     seen = harness.collect(PoseStamped, "mocap/wrist/pose", EVERY)
-    node = harness.add(player(bag, rate=0.0, start_offset=0.2, topics=["/mocap/wrist/pose"]))
+    node = player(harness, bag, rate=0.0, start_offset=0.2, topics=["/mocap/wrist/pose"])
     harness.spin_until(node.finished.is_set)
     assert node._diagnostics.report().message == "played"
     harness.spin_until(lambda: len(seen) == node.published)
@@ -120,7 +119,7 @@ def test_paused_it_sends_nothing_and_resumed_it_goes_on_where_it_stopped(harness
         return harness.trigger("bag_player/pause").message
 
     seen = harness.collect(PoseStamped, "mocap/wrist/pose", EVERY)
-    node = harness.add(player(bag, start_paused=True, wait_for_subscribers=0.0, rate=0.05))
+    node = player(harness, bag, start_paused=True, wait_for_subscribers=0.0, rate=0.05)
     harness.spin_until(lambda: node._outputs["/mocap/wrist/pose"].get_subscription_count())
     assert not node._running.is_set() and pause() == "paused after 0 messages" and not seen
     assert harness.trigger("bag_player/resume").success
@@ -136,13 +135,13 @@ def test_paused_it_sends_nothing_and_resumed_it_goes_on_where_it_stopped(harness
 @pytest.mark.slow
 def test_loop_begins_again(harness, bag):
     seen = harness.collect(PoseStamped, "mocap/wrist/pose", EVERY)
-    node = harness.add(player(bag, loop=True, rate=20.0))
+    node = player(harness, bag, loop=True, rate=20.0)
     harness.spin_until(lambda: len(seen) > 60)
     assert not node.done
 
 
 def test_a_loop_of_nothing_ends(harness, bag):
-    node = harness.add(player(bag, loop=True, start_offset=10.0, wait_for_subscribers=0.0))
+    node = player(harness, bag, loop=True, start_offset=10.0, wait_for_subscribers=0.0)
     harness.spin_until(node.finished.is_set, what="the end")
 
 
@@ -150,7 +149,7 @@ def test_a_loop_of_nothing_ends(harness, bag):
 def test_clock_follows_the_recording(harness, bag):
     ticks = harness.collect(Clock, "/clock", SENSOR)
     harness.collect(PoseStamped, "mocap/wrist/pose", SENSOR)
-    node = harness.add(player(bag, clock=True))
+    node = player(harness, bag, clock=True)
     harness.spin_until(lambda: node.done and len(ticks) > 5)
     times = [t.clock.sec * 10**9 + t.clock.nanosec for t in ticks]
     assert times == sorted(times)
@@ -161,7 +160,7 @@ def test_clock_follows_the_recording(harness, bag):
 def test_restamp_moves_stamps_to_the_present(harness, bag):
     seen = harness.collect(PoseStamped, "mocap/wrist/pose", EVERY)
     begun_ns = time.time_ns()
-    node = harness.add(player(bag, restamp=True, rate=2.0))
+    node = player(harness, bag, restamp=True, rate=2.0)
     harness.spin_until(lambda: node.done and len(seen) == 30)
     stamps = np.array([m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in seen])
     assert stamps[0] >= begun_ns
@@ -204,7 +203,7 @@ def test_what_has_no_stamp_that_can_be_moved_is_counted_and_the_rest_is_played(
 ):
     bag = write(tmp_path / "bag", ("reliable", "volatile", 10), damaged={3: damaged})
     seen = harness.collect(PoseStamped, "mocap/wrist/pose", EVERY)
-    node = harness.add(player(bag, restamp=True, rate=0.0))
+    node = player(harness, bag, restamp=True, rate=0.0)
     harness.spin_until(lambda: node.done and len(seen) == 29)
     assert node._diagnostics.rejected("malformed") == 1
     assert node.exit_code == 0
@@ -216,7 +215,7 @@ def test_a_topic_whose_name_ros_2_does_not_take_is_counted_and_the_rest_is_playe
     with BagWriter(tmp_path / "bag") as writer:
         for topic in ("vrpn/1/note", "vrpn/note"):  # ROS 1 has both
             writer.write_message(topic, "std_msgs/msg/String", {"data": "seen"}, START_NS)
-    node = harness.add(player(tmp_path / "bag", rate=0.0, wait_for_subscribers=0.0))
+    node = player(harness, tmp_path / "bag", rate=0.0, wait_for_subscribers=0.0)
     harness.spin_until(lambda: node.done)
     assert (node.published, node._diagnostics.rejected("unwritable")) == (1, 1)
 
@@ -225,7 +224,7 @@ def test_a_topic_whose_name_ros_2_does_not_take_is_counted_and_the_rest_is_playe
 @pytest.mark.parametrize("error", [BagError("the disk is gone"), OSError("the disk is gone")])
 def test_it_ends_whatever_fails(harness, bag, monkeypatch, error):
     monkeypatch.setattr(BagPlayer, "_publish", Mock(side_effect=error))
-    node = harness.add(player(bag, rate=0.0, wait_for_subscribers=0.0))
+    node = player(harness, bag, rate=0.0, wait_for_subscribers=0.0)
     harness.spin_until(lambda: node.done)
     report = node._diagnostics.report()
     assert node.finished.is_set() and node.exit_code == 1

@@ -3,13 +3,13 @@
 what it does, under its names, and no more.
 """
 
+from functools import partial
 from xml.etree import ElementTree
 
 import pytest
 import yaml
 from bag_builder import write_bag
 from every_node import needed, node_class
-from rclpy.parameter import Parameter
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSReliabilityPolicy
 
 from intent_recognition.errors import ArgumentError
@@ -117,8 +117,7 @@ IN_NO_GRAPH = {"arm_sim", "object_warper", "warped_primitive"}
 
 def make(harness, name, folder):
     values = needed(name, folder) | GIVEN.get(name, {})
-    overrides = [Parameter(key, value=value) for key, value in values.items()]
-    return harness.add(node_class(name)(namespace="/cell1", parameter_overrides=overrides))
+    return harness.node(partial(node_class(name), namespace="/cell1"), **values)
 
 
 def check_contract(node, name):
@@ -213,8 +212,7 @@ def test_named_people_have_their_topics(harness, model, tmp_path):
     rules = allowed(policy("demo", {"model": model, "params_file": str(path), **ALL_ON}))
     for name in nodes:
         values = {"persons": ["anna"]} | ({"model": model} if "intent" in name else {})
-        overrides = [Parameter(key, value=value) for key, value in values.items()]
-        node = harness.add(node_class(name)(namespace="/cell1", parameter_overrides=overrides))
+        node = harness.node(partial(node_class(name), namespace="/cell1"), **values)
         publishes = {p.topic_name for p in node.publishers} - FRAMES
         subscribes = {s.topic_name for s in node.subscriptions} - FRAMES
         assert any("/anna/" in topic for topic in publishes | subscribes), name

@@ -7,7 +7,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from simulation import minimum_jerk
 
@@ -97,8 +96,7 @@ def test_a_session_is_recognised_again_on_its_own_time(
 
     def start(name, kind, **more):
         values = calls[name].parameters | more
-        overrides = [Parameter(key, value=value) for key, value in values.items()]
-        return harness.add(kind(namespace=calls[name].namespace, parameter_overrides=overrides))
+        return harness.node(partial(kind, namespace=calls[name].namespace), **values)
 
     ingest, estimator = (start(name, kind) for name, kind in KINDS.items())
     harness.connect(estimator.people[""].output.tasks)
