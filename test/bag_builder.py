@@ -9,9 +9,8 @@ from mcap.writer import Writer
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.typesys import Stores, get_typestore
 
-from intent_recognition.bags import BagReader
+from intent_recognition.bags import BagReader, BagWriter
 from intent_recognition.bags.definitions import definition, serialize
-from intent_recognition.bags.writer import BagWriter
 
 POSE = "geometry_msgs/msg/PoseStamped"
 JOINTS = "sensor_msgs/msg/JointState"

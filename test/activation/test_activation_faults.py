@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 from activation_world import HOME, LABELS, LIMITS, START_NS, STEP_NS, World, executing, prediction
 
-from intent_recognition.activation.settings import ActivationSettings
-from intent_recognition.activation.states import Command, Mode
+from intent_recognition.activation import ActivationSettings, Command, Mode
 from intent_recognition.errors import IntentError
 from intent_recognition.motion import JointPlan
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from activation_world import HOME, START_NS, STEP_NS, World, executing, prediction
 
-from intent_recognition.activation.lateness import ArmClock
-from intent_recognition.activation.states import Mode
+from intent_recognition.activation import ArmClock, Mode
 from intent_recognition.recognition import DecisionState
 
 

@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from experiments.alignment.timed import demonstrations
-from intent_recognition.alignment.reference import even_trajectory
-from intent_recognition.alignment.time_alignment import AlignmentSettings, align, align_to
+from intent_recognition.alignment import AlignmentSettings, align, align_to, even_trajectory
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.signals.signal import Signal
 

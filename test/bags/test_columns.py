@@ -14,12 +14,11 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
+from intent_recognition.bags import BagReader, BagWriter
 from intent_recognition.bags.cdr.columns import JointColumns, PoseColumns
 from intent_recognition.bags.definitions import Definition, definition, make_message, serialize
 from intent_recognition.bags.mcap import file as mcap_file
 from intent_recognition.bags.mcap.scan import scan_file
-from intent_recognition.bags.reader import BagReader
-from intent_recognition.bags.writer import BagWriter
 from intent_recognition.errors import BagError, MessageError
 
 STORE = get_typestore(Stores.ROS2_JAZZY)

@@ -10,11 +10,10 @@ from bag_builder import SteppingClock, contents, raw, write_bag, write_mcap
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
-from intent_recognition.bags.copying import recover
+from intent_recognition.bags import BagReader, recover
 from intent_recognition.bags.definitions import serialize
 from intent_recognition.bags.mcap.chunk import read_messages
 from intent_recognition.bags.mcap.scan import scan_file
-from intent_recognition.bags.reader import BagReader
 from intent_recognition.errors import BagError, ResourceBusyError
 
 COUNT = 120

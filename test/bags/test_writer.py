@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 
+from intent_recognition.bags import BagReader, BagWriter, DiskFullError, read_metadata
 from intent_recognition.bags.definitions import (
     definition,
     jazzy_types,
@@ -24,9 +25,6 @@ from intent_recognition.bags.definitions import (
     message_class,
     serialize,
 )
-from intent_recognition.bags.metadata import read_metadata
-from intent_recognition.bags.reader import BagReader
-from intent_recognition.bags.writer import BagWriter, DiskFullError
 from intent_recognition.errors import ArgumentError, BagError, MessageError, ResourceBusyError
 
 TYPES = sorted(name for name in jazzy_types().fielddefs if "/msg/" in name)

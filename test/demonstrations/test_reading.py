@@ -22,8 +22,7 @@ from bag_builder import (
     write_session,
 )
 
-from intent_recognition.bags import BagReader
-from intent_recognition.bags.writer import BagWriter
+from intent_recognition.bags import BagReader, BagWriter
 from intent_recognition.demonstrations import (
     find_bags,
     inspect_bag,

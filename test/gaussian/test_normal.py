@@ -9,22 +9,20 @@ from scipy.linalg import solve_triangular
 from scipy.stats import multivariate_normal, multivariate_t
 
 from intent_recognition.errors import ArgumentError, ShapeError
-from intent_recognition.gaussian.linalg import (
-    cholesky,
-    covariance_root,
-    half_log_det,
-    log_sum,
-    solve_lower,
-    student_log_density,
-)
-from intent_recognition.gaussian.normal import (
+from intent_recognition.gaussian import (
     Gaussian,
+    cholesky,
     condition,
+    covariance_root,
     expected_distance,
+    half_log_det,
     log_density,
+    log_sum,
     marginal,
     product,
     regression,
+    solve_lower,
+    student_log_density,
 )
 
 seeds = st.integers(0, 2**32 - 1)

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from intent_recognition.errors import ArgumentError, KinematicsError, ShapeError
-from intent_recognition.kinematics import position_violation
+from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, position_violation
 from intent_recognition.kinematics.limits import JointLimits, check_position, within_position_limits
-from intent_recognition.kinematics.lwr import JOINT_NAMES, LWR_LIMITS
 
 
 def test_values_of_the_lwr_are_frozen_copies():

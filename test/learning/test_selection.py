@@ -35,8 +35,7 @@ from intent_recognition.learning.selection import FRACTIONS, NOISE_SCALES, choos
 from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.learning.statistics import summarize
 from intent_recognition.learning.training import choose_hyperparameters
-from intent_recognition.promp import Scatter, TargetSettings
-from intent_recognition.promp.phase_deviation import STEADY
+from intent_recognition.promp import STEADY, Scatter, TargetSettings
 from intent_recognition.promp.prior import OBSERVED_INDEPENDENT, structured_target, weight_floor
 from intent_recognition.signals import Demonstration
 

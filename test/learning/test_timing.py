@@ -25,8 +25,7 @@ from intent_recognition.learning.timing import (
     estimate_timing,
 )
 from intent_recognition.promp import steady_phase
-from intent_recognition.signals.demonstration import Demonstration
-from intent_recognition.signals.signal import Signal
+from intent_recognition.signals import Demonstration, Signal
 
 PHASE = np.linspace(0.0, 1.0, 101)
 AHEAD = np.array([-0.08, -0.05, -0.03, 0.03, 0.05, 0.08])

@@ -26,9 +26,7 @@ from intent_recognition.model.file import (
     load_model,
     save_model,
 )
-from intent_recognition.promp import LeftOutOdds, PhaseDeviation
-from intent_recognition.promp.coupling import ResidualCoupling
-from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp import LeftOutOdds, PhaseDeviation, ResidualCoupling, TaskLibrary
 
 
 def a_coupling(library: TaskLibrary) -> ResidualCoupling:

@@ -13,8 +13,7 @@ from same_library import assert_same
 from simulation import gathered
 
 from intent_recognition.errors import ModelError
-from intent_recognition.learning.fitting import library_from_statistics
-from intent_recognition.learning.training import TrainingSettings, add_demonstration
+from intent_recognition.learning import TrainingSettings, add_demonstration, library_from_statistics
 from intent_recognition.model.file import Model, load_model, load_trained, save_model
 
 DOFS = make_dofs()

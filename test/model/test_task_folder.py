@@ -11,8 +11,7 @@ from model_builder import make_dofs, perform, true_library, write_recording
 from intent_recognition.demonstrations.dofs import DofEntry, DofSpec
 from intent_recognition.errors import DofError, ModelError, ResourceBusyError, TrainingError
 from intent_recognition.learning import with_margins
-from intent_recognition.model.file import load_model, load_trained
-from intent_recognition.model.history import undoable
+from intent_recognition.model import load_model, load_trained, undoable
 from intent_recognition.model.task_folder import LEARN, START, UNDO, WAIT, TaskFolder
 
 DOFS = make_dofs()

@@ -15,8 +15,7 @@ from model_builder import make_dofs, perform, true_library, write_recording
 from intent_recognition.durable import locked
 from intent_recognition.errors import BagError, ResourceBusyError
 from intent_recognition.learning import RuleChange
-from intent_recognition.model import Executions, task_folder
-from intent_recognition.model.file import load_model, load_trained
+from intent_recognition.model import Executions, load_model, load_trained, task_folder
 from intent_recognition.model.folder_content import is_correction, is_finished
 from intent_recognition.model.history import standing
 from intent_recognition.model.task_folder import HISTORY, LEARN, START, TaskFolder, now

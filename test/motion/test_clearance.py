@@ -19,9 +19,8 @@ from scipy.spatial.transform import Rotation
 
 from intent_recognition.gaussian import Gaussian, condition
 from intent_recognition.kinematics import Box, hand_position
-from intent_recognition.motion import make_path
+from intent_recognition.motion import ClearPath, Obstruction, make_path
 from intent_recognition.motion.bending import Spread, _position_rows, least_change
-from intent_recognition.motion.clearance import ClearPath, Obstruction
 from intent_recognition.motion.plan import POSITION_MARGIN_RAD
 from intent_recognition.promp import via_point
 from intent_recognition.signals import to_tangent

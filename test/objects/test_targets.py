@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.objects import load_object, load_target
-from intent_recognition.objects.file import find_object
+from intent_recognition.objects import find_object, load_object, load_target
 from intent_recognition.warping import ObjectModel, Part, pouring_parameters, warp_object
 
 trimesh = pytest.importorskip("trimesh")

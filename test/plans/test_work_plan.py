@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.plans import WorkPlan, read_assemblies, read_plan, write_plan
-from intent_recognition.plans.file import begun_with
+from intent_recognition.plans import WorkPlan, begun_with, read_assemblies, read_plan, write_plan
 from intent_recognition.plans.work_plan import WorkStep, closure, covering
 
 STEPS = tuple(WorkStep(name, name) for name in "abcd")

@@ -9,8 +9,7 @@ from online_stream import movement
 from simulation import minimum_jerk
 
 from intent_recognition.filtering import TaskPosterior
-from intent_recognition.recognition import IntentEstimator
-from intent_recognition.recognition.decision import USUAL_THRESHOLD
+from intent_recognition.recognition import USUAL_THRESHOLD, IntentEstimator
 from intent_recognition.recognition.movement import is_done
 
 STEP_S = 0.02

@@ -10,8 +10,7 @@ import pytest
 
 from intent_recognition.evaluation.scoring import PREDICTION_NAMES
 from intent_recognition.evaluation.session_summary import InteractionRecord, summarise
-from intent_recognition.report import drawing
-from intent_recognition.report.demo_report import demo_page, fields_of
+from intent_recognition.report import demo_page, drawing, fields_of
 from intent_recognition.report.evaluation_report import (
     evaluation_page,
     series,

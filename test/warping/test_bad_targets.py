@@ -18,8 +18,7 @@ from intent_recognition.warping.object_model import (
 from intent_recognition.warping.object_warp import ObjectModel, warp_object
 from intent_recognition.warping.parameters import pouring_parameters
 from intent_recognition.warping.wall_checks import _holes, check_wall
-from sim_bridge.containers.generate import make_container
-from sim_bridge.containers.scanning import scan
+from sim_bridge.containers import make_container, scan
 
 
 def mug_mesh() -> trimesh.Trimesh:

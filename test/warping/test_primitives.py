@@ -7,8 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from intent_recognition.errors import TrainingError
-from intent_recognition.warping.parameters import References
-from intent_recognition.warping.primitives import WarpedPrimitive, from_warped, to_warped
+from intent_recognition.warping import References, WarpedPrimitive, from_warped, to_warped
 
 CUP = References(0.04, 4e-4, 0.1, 0.8)
 SECOND = References(0.06, 5e-4, 0.06, 0.4)

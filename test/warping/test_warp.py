@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from experiments.annotate import labels_of
 from intent_recognition.errors import ArgumentError
+from intent_recognition.warping import ObjectCloud, Part, pouring_parameters, warp_object
 from intent_recognition.warping.cavity import (
     FLOOR_TO_WALL,
     _levels,
@@ -21,10 +22,7 @@ from intent_recognition.warping.cavity import (
     fit_cavity,
 )
 from intent_recognition.warping.frame import N_LEVELS, ObjectFrame
-from intent_recognition.warping.object_model import ObjectCloud, Part
-from intent_recognition.warping.object_warp import warp_object
 from intent_recognition.warping.opening import _bearing, _looks_into
-from intent_recognition.warping.parameters import pouring_parameters
 from intent_recognition.warping.pour_level import LEFT_WHEN_EMPTY, emptying
 from intent_recognition.warping.rim import N_HARMONICS, Rim, _crest_level, _fit_harmonics
 from sim_bridge.containers.generate import CONTAINER_NAMES, make_container

@@ -17,8 +17,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from experiments.teaching.path import plan_teaching
 from intent_recognition.errors import ArgumentError, KinematicsError
-from intent_recognition.kinematics import hand_position
-from intent_recognition.kinematics.lwr import JOINT_NAMES
+from intent_recognition.kinematics import JOINT_NAMES, hand_position
 from intent_recognition.nodes.diagnostics import answer_of
 from intent_recognition.nodes.qos import COMMAND, FEEDBACK, LATCHED, STATE
 from intent_recognition.registry import ANSWERS
