@@ -47,6 +47,7 @@ def model_json(model: Model) -> dict:
         "largest_phase_deviation": float(library.phase_deviation.deviation_std.max()),
         "controlled_follows": library.phase_deviation.controlled_follows,
         "none_margin": library.none_margin,
+        "stop_margin": library.stop_margin,
         "switch_margin": library.switch_margin,
         "left_out_odds": library.left_out_odds._asdict(),
         "correlation_time_s": library.correlation_time_s,

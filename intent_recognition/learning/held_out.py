@@ -57,7 +57,12 @@ class Followed(NamedTuple):
 
 
 def filter_samples(
-    library: TaskLibrary, prior: Gaussian, pace: Floats, relative: Floats, values: Floats
+    library: TaskLibrary,
+    prior: Gaussian,
+    pace: Floats,
+    relative: Floats,
+    values: Floats,
+    first: int = 0,
 ) -> Iterator[FilteredSamples]:
     """Filter samples of demonstrations at `sample_phases`; yield the state after each sample.
 
@@ -67,6 +72,7 @@ def filter_samples(
         pace: duration of the demonstration divided by that of the hypothesis, (n,).
         relative: duration of the hypothesis divided by the usual one of its task, (n,).
         values: values of the observed DOFs, (m, n, P).
+        first: number of samples at the beginning that are not used.
     """
     model, basis, n = library.phase_deviation, library.basis, len(pace)
     weights = GaussianBatch.of(*prior, basis.n_basis)
@@ -78,12 +84,13 @@ def filter_samples(
     phases = sample_phases()
     different, place = np.unique([pace, relative], axis=1, return_inverse=True)
     between = deviation_transition(model, different[0] / len(phases))[place]  # evenly spaced
-    for k, phase in enumerate(phases):
+    for k, phase in list(enumerate(phases))[first:]:
         rows = basis.design_matrix(reference_phase(model, phase * different[0], different[1]))[
             place
         ]
-        freedom = library.evidence_freedom if k else inf  # as in `ObservationModel.measurement`
-        moved = between if k else None
+        # as in `ObservationModel.measurement`
+        freedom = library.evidence_freedom if k > first else inf
+        moved = between if k > first else None
         one = LinearMeasurement(dofs, rows, values[k], noise, moved, model.evidence, freedom)
         density, likelihood = weights.condition(one, deviation)
         evidence = evidence + density  # a new array: the old one was yielded

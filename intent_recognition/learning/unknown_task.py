@@ -37,10 +37,17 @@ N_SIMULATED = 40
 """Number of unknown movements simulated if there is only one task; also the generator's seed."""
 
 
-def learn_none_margin(leaving_out: LeavingOut, recorded: Mapping[str, TaskStatistics]) -> float:
+def learn_none_margin(
+    leaving_out: LeavingOut, recorded: Mapping[str, TaskStatistics], since: float = 0.0
+) -> float:
     """Evidence that a known task must have over none before it counts, in nats, zero or more.
 
-    `recorded` are statistics of the examples as recorded. The library's own none model is not used.
+    The library's own none model is not used.
+
+    Args:
+        leaving_out: leaves demonstrations out of the library.
+        recorded: statistics of the examples as recorded.
+        since: phase from which on the movements are observed.
     """
     library, tasks = leaving_out.library, leaving_out.tasks
     statistics = leaving_out.statistics
@@ -65,7 +72,8 @@ def learn_none_margin(leaving_out: LeavingOut, recorded: Mapping[str, TaskStatis
         simulated = _simulated_unknown(leaving_out.nothing())
         comparisons += simulated
         is_known += [False] * len(simulated)
-    highest = np.array([np.max(factors) for factors in log_factors(comparisons)])
+    first = int(np.searchsorted(sample_phases(), since))
+    highest = np.array([np.max(factors) for factors in log_factors(comparisons, first)])
     known = np.array(is_known, dtype=bool)
     return margin_between(highest[~known], highest[known])
 
@@ -99,10 +107,11 @@ class Comparison(NamedTuple):
     recorded: TrainingExample
 
 
-def log_factors(comparisons: Sequence[Comparison]) -> list[Floats]:
+def log_factors(comparisons: Sequence[Comparison], first_sample: int = 0) -> list[Floats]:
     """Log Bayes factor of the tasks over none after each sample of each movement, (m,) each.
 
-    The durations are unknown. Comparisons are filtered together, as many as memory allows.
+    Samples before `first_sample` are not used. The durations are unknown. Comparisons are filtered
+    together, as many as memory allows.
     """
     factors, first = list[Floats](), 0
     while first < len(comparisons):
@@ -110,12 +119,12 @@ def log_factors(comparisons: Sequence[Comparison]) -> list[Floats]:
         most = max(1, MAX_FLOATS // size**2)
         counts = np.cumsum([(len(one.compared) + 1) * N_SCALES for one in comparisons[first:]])
         last = first + max(1, int(np.searchsorted(counts, most, side="right")))
-        factors += _log_factors_together(comparisons[first:last])
+        factors += _log_factors_together(comparisons[first:last], first_sample)
         first = last
     return factors
 
 
-def _log_factors_together(comparisons: Sequence[Comparison]) -> list[Floats]:
+def _log_factors_together(comparisons: Sequence[Comparison], first: int) -> list[Floats]:
     """`log_factors` of comparisons that are filtered in one batch."""
     log_weight = duration_offsets(N_SCALES)[1]
     priors, *timing = zip(*map(_hypotheses, comparisons), strict=True)
@@ -126,7 +135,7 @@ def _log_factors_together(comparisons: Sequence[Comparison]) -> list[Floats]:
     ends = np.cumsum([len(one.compared) + 1 for one in comparisons])
     library = comparisons[0].without.library
     factors = []
-    for progress in filter_samples(library, prior, paces, relative, samples):
+    for progress in filter_samples(library, prior, paces, relative, samples, first):
         joint = progress.log_evidence.reshape(-1, len(log_weight)) + log_weight
         evidence = np.logaddexp.reduce(joint, axis=1)
         of_each = np.split(evidence, ends[:-1])

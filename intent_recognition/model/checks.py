@@ -78,25 +78,26 @@ SHAPES = {
 }
 """Axes of each array of a model: k tasks, l one more; d DOFs, of which the p observed ones form g
 groups, and q are controlled; w weights, of which o are observed; m numbers of the context."""
-USUAL, COUPLING, CONTEXT = (
+USUAL, STOP, COUPLING, CONTEXT = (
     {"usual_log_duration": "l"},
+    {"stop_margin": ""},
     dict(zip((f"coupling_{name}" for name in ResidualCoupling._fields), ("kqp", "kq", "k"))),
     {"context_mean": "km", "context_covariance": "kmm", "context_gain": "kwm"},
 )
-"""Axes of the arrays of usual durations, residual coupling and context, which not every library
-has."""
+"""Axes of the arrays of usual durations, the margin after a stop, residual coupling and context,
+which not every library has."""
 
 
 def shapes_of(
     content: Collection[str], n_tasks: int, dofs: DofSpec, n_basis: int
 ) -> dict[str, tuple[int, ...]]:
-    """Shapes of the arrays of a model; of usual durations and coupling, if `content` names any."""
+    """Shapes of the arrays of a model; of what not every library has, if `content` names it."""
     observed, controlled = len(dofs.observed_names), len(dofs.controlled_names)
     size = {"k": n_tasks, "l": n_tasks + 1, "p": observed, "q": controlled, "2": 2}
     size |= {"d": observed + controlled, "g": len(dofs.observed), "m": len(dofs.context_names)}
     size |= {"w": (observed + controlled) * n_basis, "o": observed * n_basis}
     wanted = SHAPES | (CONTEXT if dofs.context else {})
-    for some in (USUAL, COUPLING):
+    for some in (USUAL, STOP, COUPLING):
         wanted |= some if some.keys() & content else {}
     return {name: tuple(size[axis] for axis in axes) for name, axes in wanted.items()}
 
@@ -192,12 +193,13 @@ def phase_deviation(
 
 
 def optional_arrays(library: TaskLibrary) -> dict[str, Floats]:
-    """Arrays of a library's context, coupling and usual durations, as far as it has them."""
-    context, usual = library.context, library.usual_log_duration
+    """Arrays that not every library has, as far as this one has them."""
+    context = library.context
     arrays = dict(zip(COUPLING, library.coupling or ()))
     if context is not None:
         arrays |= zip(CONTEXT, (context.mean, context.covariance, context.gain))
-    return arrays if usual is None else {**arrays, "usual_log_duration": usual}
+    own = {name: getattr(library, name) for name in (*USUAL, *STOP)}
+    return arrays | {n: np.asarray(one) for n, one in own.items() if one is not None}
 
 
 def context_of(dofs: DofSpec, numbers: dict[str, NDArray[Any]]) -> ContextModel | None:

@@ -32,6 +32,7 @@ from intent_recognition.model.checks import (
     OF_DEVIATION,
     SCALARS,
     SHAPES,
+    STOP,
     USUAL,
     check_groups,
     check_values,
@@ -168,7 +169,7 @@ def _model(path: Path, content: dict[str, NDArray[Any]], header: dict) -> Model:
     check_values(path, numbers)
     deviation = phase_deviation(path, header, content)
     check_groups(path, numbers["observed_groups"], len(dofs.observed_names), len(onset))
-    for name in SCALARS:
+    for name in (*SCALARS, *(STOP.keys() & shapes.keys())):
         numbers[name] = float(numbers[name])
     numbers["observed_groups"] = tuple(numbers["observed_groups"].tolist())
     context, coupling = context_of(dofs, numbers), coupling_of(numbers)
@@ -246,7 +247,7 @@ def _with_references(
 
 def _read(path: Path, more: Sequence[str] = ()) -> dict[str, NDArray[Any]]:
     """Header, arrays of a model, and further arrays, as far as the file has them."""
-    wanted = ("header", *SHAPES, DEVIATION_STD, *CONTEXT, *COUPLING, *USUAL, *more)
+    wanted = ("header", *SHAPES, DEVIATION_STD, *CONTEXT, *COUPLING, *USUAL, *STOP, *more)
     try:
         return read_arrays(path, wanted)
     except FileNotFoundError as error:

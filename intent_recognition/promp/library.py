@@ -49,6 +49,8 @@ class TaskLibrary:
         none_log_duration: mean and standard deviation of the log duration of none, (2,).
         none_prior: prior probability that a movement is none of the tasks.
         none_margin: evidence of the known tasks against none that does not count, in nats.
+        stop_margin: the same for movements that follow another without a rest; None for
+            `none_margin`.
         switch_margin: evidence that a change of task must have over staying before it counts, in
             nats.
         n_demonstrations: number of demonstrations per task, (K,).
@@ -113,6 +115,7 @@ class TaskLibrary:
     usual_log_duration: Floats | None = None
     displacement_exponent: float = 0.0
     delay_s: float = 0.0
+    stop_margin: float | None = None
 
     def __repr__(self) -> str:
         """Tasks and sizes; the arrays are attributes."""

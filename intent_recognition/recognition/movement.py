@@ -13,17 +13,13 @@ from functools import partial
 
 import numpy as np
 
-from intent_recognition.filtering import MovementFilter, PriorGrid, TaskPosterior
+from intent_recognition.filtering import STOP_LEADS, MovementFilter, PriorGrid, TaskPosterior
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition.decision import USUAL_THRESHOLD
 from intent_recognition.recognition.motion_detection import MotionDetector, is_overdue
 from intent_recognition.recognition.transitions import Expectation
 from intent_recognition.signals import Observation
 
-STOP_LEADS = (0.035, 0.06, 0.085)
-"""Possible times from the onset of a reach to the stop, in usual durations of the tasks: the reach
-first has to halt the hand (docs/decisions/change_of_mind.md). Samples before the stop belong to the
-last movement and are not used."""
 DONE_PHASE = 0.85
 """Expected phase of the movement under way from which another may have begun."""
 
@@ -52,9 +48,12 @@ class Movements:
         self, library: TaskLibrary, grid: PriorGrid, turned: Callable[[Observation], Observation]
     ) -> None:
         """Switch to a library; filter the movement under way anew, its observations `turned`."""
-        switching = self._switching
-        self._make = partial(MovementFilter, library, grid, 0, prune=True, switching=switching)
-        self._filter = self._make()
+        followed = self.run is not None and self.run is not self._filter
+        switching, margin = self._switching, library.stop_margin
+        make = partial(MovementFilter, library, onset_ns=0, prune=True, switching=switching)
+        self._filter = make(grid=grid)
+        after = grid if margin is None else grid._replace(none_margin=margin)
+        self._make = partial(make, grid=after)
         self._after_stop: list[MovementFilter] = []  # made at the first stop
         self._stopped = False
         self._at_onset = self._at_stop = float(np.log(1.0 / library.none_prior - 1.0))
@@ -63,15 +62,21 @@ class Movements:
         self._leads_ns = [round(lead * usual_s * 1e9) for lead in STOP_LEADS]
         if self.run is not None:
             seen = [turned(observation) for observation in self.run.observations]
-            self.begin(self.run.onset_ns, seen)
+            begun = self._make() if followed else self._filter
+            self.begin(self.run.onset_ns, seen, begun)
             self.believe(seen[-1].stamp_ns)
 
-    def begin(self, onset_ns: int, past: Iterable[Observation]) -> None:
-        """Follow a movement from its onset, given its observations so far."""
-        self._filter.restart(onset_ns, self._expectation.ratio, past)
+    def begin(
+        self, onset_ns: int, past: Iterable[Observation], run: MovementFilter | None = None
+    ) -> None:
+        """Follow a movement from its onset, given its observations so far.
+
+        `run` is its filter if it followed another without a rest.
+        """
+        self.run = run or self._filter
+        self.run.restart(onset_ns, self._expectation.ratio, past)
         self._stopped = False
         self._log_odds = [(onset_ns, self._at_onset)]
-        self.run = self._filter
         self._detector.forget_stops()
 
     def believe(self, stamp_ns: int) -> TaskPosterior | None:
@@ -145,10 +150,10 @@ class Movements:
             self._stopped = not is_overdue(elapsed_s, posteriors[0])
             return None
         best = int(np.argmax(odds.sum(axis=1)))
-        self._filter, after[best] = after[best], self._filter
-        self._log_odds = [(self._filter.onset_ns, self._at_onset)]
+        following, after[best] = after[best], self._make()
+        self._log_odds = [(following.onset_ns, self._at_onset)]
         self._stopped = detector.waits_for_rest = False
-        return self._filter
+        return following
 
 
 def is_done(posterior: TaskPosterior | None) -> bool:

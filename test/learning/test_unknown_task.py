@@ -54,7 +54,8 @@ class Watched:
     def __init__(self):
         self.movements, self.asked = [], []
 
-    def __call__(self, comparisons):
+    def __call__(self, comparisons, first):
+        self.first = first
         for *asked, recorded in comparisons:
             self.asked.append(asked)
             self.movements.append(recorded)
@@ -121,8 +122,8 @@ def test_a_gap_is_shared_in_halves_by_tasks_of_five_demonstrations():
     assert calibrating_tasks([2]).tolist() == [0]
 
 
-@pytest.mark.parametrize("exponent", [0.0, 0.7])
-def test_factors_are_those_of_a_filter_with_as_many_durations(report, exponent):
+@pytest.mark.parametrize(("exponent", "first"), [(0.0, 0), (0.7, 0), (0.7, 4)])
+def test_factors_are_those_of_a_filter_with_as_many_durations(report, exponent, first):
     tasks = statistics_of(report.trained.tasks, report.chosen.aligned)
     library = replace(report.library, correlation_time_s=2.4 / SAMPLES_PER_MOVEMENT)
     usual = np.r_[library.log_duration_mean + [0.3, 0.1, 0.0, 0.0], library.none_log_duration[0]]
@@ -131,10 +132,11 @@ def test_factors_are_those_of_a_filter_with_as_many_durations(report, exponent):
     recorded = examples_of(report)[3]._replace(duration_s=2.4)
     whole = LeavingOut(library, tasks).nothing()
     asked = Comparison(whole, np.arange(library.n_tasks), library.n_tasks, recorded)
-    (found,) = log_factors([asked])
+    (found,) = log_factors([asked], first)
     hypotheses = make_prior_grid(library, n_scales=unknown_task.N_SCALES)
     run, expected = MovementFilter(library, hypotheses, 0), []
-    for k, (phase, values) in enumerate(zip(sample_phases(), recorded.observed, strict=True)):
+    seen = zip(sample_phases()[first:], recorded.observed[first:], strict=True)
+    for k, (phase, values) in enumerate(seen):
         also = None if k else library.noise_covariance(np.arange(library.n_observed), np.inf)
         run.observe(Observation(round(phase * 2.4e9), 0, values, also))
         plain = hypotheses._replace(none_margin=0.0, duration_evidence=1.0)
@@ -213,14 +215,15 @@ def test_the_margin_lies_between_both_kinds(report, monkeypatch):
 
 
 @pytest.mark.slow
-def test_the_margin_of_a_library_is_that_of_its_statistics(report):
+def test_the_margins_of_a_library_are_those_of_its_statistics(report):
     trained = report.trained
     tasks = statistics_of(trained.tasks, trained.chosen.aligned)
     other = replace(trained.library, none_margin=1e3, none_mean=0.0 * trained.library.none_mean)
     assert learn_none_margin(LeavingOut(other, tasks), trained.tasks) == trained.library.none_margin
-    assert with_margins(replace(trained, library=other)).library.none_margin == (
-        trained.library.none_margin
-    )
+    anew = with_margins(replace(trained, library=other)).library
+    assert anew.none_margin == trained.library.none_margin
+    late = learn_none_margin(LeavingOut(other, tasks), trained.tasks, since=0.06)
+    assert anew.stop_margin == trained.library.stop_margin == late != anew.none_margin
 
 
 @pytest.fixture(scope="module")

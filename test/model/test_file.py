@@ -44,6 +44,7 @@ def model() -> Model:
         noise_scale=2.0,
         none_margin=3.5,
         switch_margin=1.25,
+        stop_margin=2.75,
         phase_deviation=PhaseDeviation(np.linspace(0.0, 0.1, 7), 0.4, 0.15, False, 0.7),
         evidence_freedom=4.0,
         left_out_odds=LeftOutOdds((0.5, -1.25), ("anna", "")),

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What may have begun at a stop takes over, or is followed for as long as a movement takes."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -33,21 +34,28 @@ def test_a_reach_from_a_stop_takes_over_once_the_filters_of_its_onsets_recognise
         for task, before_s in enumerate((0.8, 0.0))
     )
     back = first[-1] + minimum_jerk(np.linspace(0.0, 1.0, 40))[:, None] * (second[0] - first[-1])
+    library = replace(library, none_margin=2.0, stop_margin=1.0)
     estimator, stamps = IntentEstimator(library), 100.0 + STEP_S * np.arange(1000)
-    movements = estimator._movements
-    over = movements._filter
+    movements, margins = estimator._movements, set()
     for stamp_s, values in zip(stamps, np.concatenate([first, back, second]), strict=False):
+        others = movements._after_stop.copy()
         estimate = estimator.observe(stamp_s, values)
-        if movements._filter is not over:
+        if movements.run in others:
             break
-    others = [each for each in movements._after_stop if each is not over]
-    posteriors = [each.posterior(estimate.stamp_ns) for each in (movements._filter, *others)]
+        margins.add(movements.run.grid.none_margin if movements.run else None)
+    assert margins == {None, 2.0} and movements.run.grid.none_margin == 1.0
+    others.remove(movements.run)
+    posteriors = [each.posterior(estimate.stamp_ns) for each in (movements.run, *others)]
     odds = np.array([1.0 / one.probabilities[-1] - 1.0 for one in posteriors])  # over none
     assert len(odds) == 3 and odds.max() == odds[0] > odds.mean()
     assert odds.mean() >= USUAL_THRESHOLD / (1.0 - USUAL_THRESHOLD)
     assert estimate.task == "task_1"
     began_s = stamps[len(first) + len(back)]
     assert 0.05 < began_s - estimate.onset_ns * 1e-9 < 0.2
+    estimator.swap(replace(library, none_margin=3.0, stop_margin=1.5))
+    assert movements.run.grid.none_margin == 1.5
+    movements.begin(estimate.stamp_ns, ())
+    assert movements.run.grid.none_margin == 3.0
 
 
 @pytest.mark.parametrize(
