@@ -37,6 +37,7 @@ class Movements:
         posterior: its posterior at the last observation, weighed with `expectation`.
     """
 
+    _filter: MovementFilter  # of a movement that begins at rest
     run: MovementFilter | None = None
     posterior: TaskPosterior | None = None
 

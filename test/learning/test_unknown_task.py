@@ -54,12 +54,11 @@ class Watched:
     def __init__(self):
         self.movements, self.asked = [], []
 
-    def __call__(self, comparisons, first):
-        self.first = first
+    def __call__(self, comparisons, _first):
         for *asked, recorded in comparisons:
             self.asked.append(asked)
             self.movements.append(recorded)
-        return np.arange(1.0, len(self.movements) + 1.0)[:, None]
+        return np.arange(1.0, len(comparisons) + 1.0)[:, None]
 
 
 def examples_of(report) -> list:
@@ -239,7 +238,8 @@ def test_one_task_alone_has_a_none_from_which_movements_are_drawn(alone, monkeyp
     assert library.none_margin >= 0.0
     assert with_margins(alone).library.none_margin == library.none_margin
     monkeypatch.setattr(unknown_task, "log_factors", watched := Watched())
-    with_margins(alone)
+    tasks = statistics_of(alone.tasks, alone.chosen.aligned)
+    learn_none_margin(LeavingOut(library, tasks), alone.tasks)
     drawn = [movement for movement in watched.movements if not movement.task]
     assert len(drawn) == unknown_task.N_SIMULATED
     assert len({movement.duration_s for movement in drawn}) == len(drawn)
