@@ -13,4 +13,4 @@ from intent_recognition.filtering.grid import (
 )
 from intent_recognition.filtering.posterior import TaskPosterior, answered, task_posterior
 from intent_recognition.filtering.prediction import TaskPrediction
-from intent_recognition.filtering.rates import STOP_LEADS, switch_threshold
+from intent_recognition.filtering.rates import STOP_LEAD, switch_threshold

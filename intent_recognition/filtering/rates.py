@@ -25,9 +25,9 @@ NONE_RATE = 0.3
 """Rate at which a known movement becomes an unknown one; the evidence of this counts beyond the
 library's margin only."""
 
-STOP_LEADS = (0.035, 0.06, 0.085)
-"""Possible times from the onset of a reach to a momentary stop, in usual durations: the reach first
-has to halt the hand (docs/decisions/change_of_mind.md). Samples before the stop belong to the last
+STOP_LEAD = 0.06
+"""Time from the onset of a reach to a momentary stop, in usual durations: the reach first has to
+halt the hand (docs/decisions/change_of_mind.md). Samples before the stop belong to the last
 movement and are not used."""
 
 TURN, DELAY, AFRESH = range(3)

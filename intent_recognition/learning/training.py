@@ -13,7 +13,7 @@ import numpy as np
 
 from intent_recognition.array_types import brief
 from intent_recognition.errors import TrainingError, check_type
-from intent_recognition.filtering import STOP_LEADS
+from intent_recognition.filtering import STOP_LEAD
 from intent_recognition.learning.accumulation import NAMES_KEPT, Accumulated, accumulate
 from intent_recognition.learning.fitting import (
     chosen_fields,
@@ -248,7 +248,7 @@ def with_margins(trained: Trained) -> Trained:
     of_none = partial(learn_none_margin, leave_out(trained.library), trained.tasks)
     library = replace(trained.library, none_margin=of_none())
     if trained.preprocessing.settings.switching:
-        library = replace(library, stop_margin=of_none(since=float(np.mean(STOP_LEADS))))
+        library = replace(library, stop_margin=of_none(since=STOP_LEAD))
         margin = learn_switch_margin(leave_out(library), trained.tasks)
         library = replace(library, switch_margin=margin)
         odds = learn_left_out_odds(leave_out(library), trained.tasks)

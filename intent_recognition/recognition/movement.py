@@ -2,10 +2,9 @@
 """Rest, the movement under way, and another that may have begun where the hand last stopped.
 
 A worker may reach for the next goal on the way back from the last, without a rest. At a momentary
-stop, new filters start, one for each possible onset of the next movement. The most probable one
-takes over once they recognise a task, if the movement under way was done or unknown at the stop and
-still is, and does not explain what follows as well. If they recognise nothing, as after a wave of
-the hand or a hesitation, the movement under way continues.
+stop, a new filter starts. It takes over once it recognises a task, if the movement under way was
+done or unknown at the stop and still is, and does not explain what follows as well. If it
+recognises nothing, as after a wave of the hand or a hesitation, the movement under way continues.
 """
 
 from collections.abc import Callable, Iterable
@@ -13,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from intent_recognition.filtering import STOP_LEADS, MovementFilter, PriorGrid, TaskPosterior
+from intent_recognition.filtering import STOP_LEAD, MovementFilter, PriorGrid, TaskPosterior
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition.decision import USUAL_THRESHOLD
 from intent_recognition.recognition.motion_detection import MotionDetector, is_overdue
@@ -55,12 +54,12 @@ class Movements:
         self._filter = make(grid=grid)
         after = grid if margin is None else grid._replace(none_margin=margin)
         self._make = partial(make, grid=after)
-        self._after_stop: list[MovementFilter] = []  # made at the first stop
+        self._after_stop: MovementFilter | None = None  # made at the first stop
         self._stopped = False
         self._at_onset = self._at_stop = float(np.log(1.0 / library.none_prior - 1.0))
         self._log_odds = [(0, self._at_onset)]  # stamps and log odds of the movement under way
         usual_s = float(np.exp(np.mean(library.log_duration_mean)))
-        self._leads_ns = [round(lead * usual_s * 1e9) for lead in STOP_LEADS]
+        self._lead_ns = round(STOP_LEAD * usual_s * 1e9)
         if self.run is not None:
             seen = [turned(observation) for observation in self.run.observations]
             begun = self._make() if followed else self._filter
@@ -133,28 +132,23 @@ class Movements:
             self._at_stop = next(before, self._at_onset)
         if not self._stopped:
             return None
-        after = self._after_stop = self._after_stop or [self._make() for _ in STOP_LEADS]
-        for each, lead_ns in zip(after, self._leads_ns, strict=True):
-            if stopped_ns is not None:
-                each.restart(stopped_ns - lead_ns, expected, detector.since(stopped_ns))
-            else:
-                each.observe(observation)
-        stamp_ns = observation.stamp_ns
-        posteriors = [each.posterior(stamp_ns) for each in after]
-        p = np.array([posterior.probabilities for posterior in posteriors])
-        odds = p[:, :-1] / np.maximum(p[:, -1:], np.finfo(np.float64).tiny)  # over none, (n, K)
-        known = odds.sum(axis=1).mean()
-        another = np.logaddexp.reduce([each.log_odds for each in posteriors]) - np.log(len(p))
-        better = posterior is None or another - self._at_onset > posterior.log_odds - self._at_stop
-        if not (done and better and known >= USUAL_THRESHOLD * (1.0 + known)):  # as for a decision
-            elapsed_s = (stamp_ns - after[0].onset_ns) * 1e-9
-            self._stopped = not is_overdue(elapsed_s, posteriors[0])
+        after = self._after_stop = self._after_stop or self._make()
+        if stopped_ns is not None:
+            after.restart(stopped_ns - self._lead_ns, expected, detector.since(stopped_ns))
+        else:
+            after.observe(observation)
+        next_one = after.posterior(observation.stamp_ns)
+        gained = next_one.log_odds - self._at_onset
+        better = posterior is None or gained > posterior.log_odds - self._at_stop
+        known = 1.0 - next_one.probabilities[-1]
+        if not (done and better and known >= USUAL_THRESHOLD):  # as for a decision
+            elapsed_s = (observation.stamp_ns - after.onset_ns) * 1e-9
+            self._stopped = not is_overdue(elapsed_s, next_one)
             return None
-        best = int(np.argmax(odds.sum(axis=1)))
-        following, after[best] = after[best], self._make()
-        self._log_odds = [(following.onset_ns, self._at_onset)]
+        self._after_stop = None
+        self._log_odds = [(after.onset_ns, self._at_onset)]
         self._stopped = detector.waits_for_rest = False
-        return following
+        return after
 
 
 def is_done(posterior: TaskPosterior | None) -> bool:

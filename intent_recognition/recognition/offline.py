@@ -104,7 +104,7 @@ def _filtered(
     if times.ndim != 1 or not times.size or values.shape != (times.size, library.n_observed):
         expected = f"times_s (T,) and human (T, {library.n_observed})"
         got = f"{times.shape} and {values.shape}"
-        cure = "Pass one row per time, one column per DOF."
+        cure = "Pass one row per time, one column per DOF; human[:, None] for one DOF."
         raise ShapeError.about("times_s, human", expected, got, cure)
     check_times("times_s", times)
     if np.any(np.isinf(values)):

@@ -236,6 +236,8 @@ def _signal(
             cure = f"Pass it transposed: {argument}.T."
         elif samples.ndim < 2 and argument == "robot" and samples.size in (0, 1, times.size):
             cure = "Pass robot[:, None] for one joint; numpy.empty((T, 0)) without a robot."
+        elif samples.shape == times.shape:
+            cure = "Pass human[:, None] for one DOF."
         elif samples.ndim == 2 and argument == "robot" and times_name == "times_s":
             cure = "Pass its own times as robot_times_s, or one row per time of the human."
         raise ShapeError.about(argument, expected, samples.shape, cure)

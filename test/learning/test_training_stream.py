@@ -57,7 +57,7 @@ def anew(demonstrations: list[Demonstration], like: Trained) -> Trained:
     """Trained from nothing at the preprocessing and hyperparameters of another."""
     accumulated = accumulate(demonstrations, CUT, like.preprocessing)
     library = library_from_statistics(accumulated.tasks, like.preprocessing, like.chosen)
-    of_left_out = ("none_margin", "switch_margin", "left_out_odds", "coupling")
+    of_left_out = ("none_margin", "stop_margin", "switch_margin", "left_out_odds", "coupling")
     library = replace(library, **{name: getattr(like.library, name) for name in of_left_out})
     return Trained(library, like.preprocessing, accumulated.tasks, like.chosen)
 

@@ -17,16 +17,17 @@ STEP_S = 0.02
 
 
 def test_a_hand_that_never_rests_again_is_not_followed_for_ever(library):
-    estimator, angle, n_used = IntentEstimator(library), 0.0, []
+    estimator, angle, n_used = IntentEstimator(library), 0.0, [0]
     for t in np.arange(0.0, 40.0, STEP_S):
         if t > 0.5 and not 8.0 <= t < 8.2:  # a circle, and one stop
             angle += STEP_S * 0.8 * np.pi
         estimator.observe(100.0 + t, 0.4 * np.array([np.cos(angle), np.sin(angle), 0.0]))
-        n_used.append([each.n_used for each in estimator._movements._after_stop])
-    assert n_used[-1] == n_used[len(n_used) // 2] and min(n_used[-1]) > 50
+        after = estimator._movements._after_stop
+        n_used.append(after.n_used if after else 0)
+    assert n_used[-1] == n_used[len(n_used) // 2] > 50
 
 
-def test_a_reach_from_a_stop_takes_over_once_the_filters_of_its_onsets_recognise_it(truth, library):
+def test_a_reach_from_a_stop_takes_over_once_its_filter_recognises_it(truth, library):
     """The hand reaches, comes back, and reaches for something else without a rest."""
     rng = np.random.default_rng(7)
     first, second = (
@@ -38,17 +39,13 @@ def test_a_reach_from_a_stop_takes_over_once_the_filters_of_its_onsets_recognise
     estimator, stamps = IntentEstimator(library), 100.0 + STEP_S * np.arange(1000)
     movements, margins = estimator._movements, set()
     for stamp_s, values in zip(stamps, np.concatenate([first, back, second]), strict=False):
-        others = movements._after_stop.copy()
+        after = movements._after_stop
         estimate = estimator.observe(stamp_s, values)
-        if movements.run in others:
+        if after is not None and movements.run is after:
             break
         margins.add(movements.run.grid.none_margin if movements.run else None)
     assert margins == {None, 2.0} and movements.run.grid.none_margin == 1.0
-    others.remove(movements.run)
-    posteriors = [each.posterior(estimate.stamp_ns) for each in (movements.run, *others)]
-    odds = np.array([1.0 / one.probabilities[-1] - 1.0 for one in posteriors])  # over none
-    assert len(odds) == 3 and odds.max() == odds[0] > odds.mean()
-    assert odds.mean() >= USUAL_THRESHOLD / (1.0 - USUAL_THRESHOLD)
+    assert after.posterior(estimate.stamp_ns).probabilities[-1] <= 1.0 - USUAL_THRESHOLD
     assert estimate.task == "task_1"
     began_s = stamps[len(first) + len(back)]
     assert 0.05 < began_s - estimate.onset_ns * 1e-9 < 0.2
@@ -68,9 +65,9 @@ def test_another_movement_explains_what_follows_the_stop_better(library, goes_on
     sure, at_rest = np.array([0.0, 1.0 - 1e-9, 0.0, 1e-9]), np.zeros(4)
     posterior = TaskPosterior(sure, at_rest, np.ones(4), np.ones(4), at_rest[:, None])
     later = posterior._replace(log_odds=np.log((1.0 - prior) / prior) + another)
-    movements._after_stop = [
-        SimpleNamespace(restart=lambda *_: None, posterior=lambda _: later, onset_ns=0)
-    ] * 3
+    movements._after_stop = SimpleNamespace(
+        restart=lambda *_: None, posterior=lambda _: later, onset_ns=0
+    )
     end = None if goes_on is None else 5.0 + goes_on
     samples = [(10, 1.0, None), (20, 5.0, None), (30, 6.0, None), (40, end, 30)]
     for stamp_ns, log_odds, stop_ns in samples:

@@ -71,6 +71,7 @@ def test_rows_that_were_not_measured_or_are_masked_are_left_out():
         (TIMES_S, HUMAN, [], {}, ShapeError, r"numpy.empty\(\(T, 0\)\) without a robot"),
         (TIMES_S, HUMAN, None, {}, ShapeError, r"numpy.empty\(\(T, 0\)\) without a robot"),
         (TIMES_S, HUMAN.T, ROBOT, {}, ShapeError, "Pass it transposed: human.T"),
+        (TIMES_S, HUMAN[:, 0], ROBOT, {}, ShapeError, r"Pass human\[:, None\] for one DOF"),
         (TIMES_S, HUMAN + 1j, ROBOT, {}, ShapeError, "human: .*complex numbers"),
         (TIMES_S, HUMAN, ROBOT, {"observed_unit": "Meters"}, ArgumentError, "Write 'm'"),
         (TIMES_S, HUMAN, ROBOT, {"controlled_unit": "degrees"}, ArgumentError, "Write 'deg'"),
