@@ -138,15 +138,20 @@ def test_with_three_in_ten_commands_lost_the_arm_ends_at_home(seed):
     np.testing.assert_allclose(world.arm(), HOME, atol=1e-3)
 
 
-@pytest.mark.parametrize("jump_s", [0.3, 10.0])
-def test_after_a_clock_that_jumps_ahead_on_the_way_home_the_arm_goes_home_once_more(jump_s):
-    """The arm has stayed where it was; it stays away a second time, and is left there."""
+def on_the_way_home() -> World:
     world = World()
     world.serve("plate")
     world.run(2.0)
     world.task = "idle"
     world.run_until(Mode.HOMING)
     world.run(0.4)
+    return world
+
+
+@pytest.mark.parametrize("jump_s", [0.3, 10.0])
+def test_after_a_clock_that_jumps_ahead_on_the_way_home_the_arm_goes_home_once_more(jump_s):
+    """The arm has stayed where it was; it stays away a second time, and is left there."""
+    world = on_the_way_home()
     at, n = world.arm(), len(world.commands)
     world.now_ns += round(jump_s * 1e9)
     world.arm = lambda: at
@@ -158,12 +163,7 @@ def test_after_a_clock_that_jumps_ahead_on_the_way_home_the_arm_goes_home_once_m
 
 def test_an_arm_that_lags_behind_its_only_command_goes_home_once():
     """It was pushed aside before, so that the way home is the only command that it remembers."""
-    world = World()
-    world.serve("plate")
-    world.run(2.0)
-    world.task = "idle"
-    world.run_until(Mode.HOMING)
-    world.run(0.4)
+    world = on_the_way_home()
     aside, left = world.arm() + 0.5, world.commands[-1]
 
     def lags():
