@@ -84,13 +84,13 @@ def filter_samples(
     phases = sample_phases()
     different, place = np.unique([pace, relative], axis=1, return_inverse=True)
     between = deviation_transition(model, different[0] / len(phases))[place]  # evenly spaced
-    for k, phase in list(enumerate(phases))[first:]:
+    for k, phase in enumerate(phases[first:], first):
         rows = basis.design_matrix(reference_phase(model, phase * different[0], different[1]))[
             place
         ]
-        # as in `ObservationModel.measurement`
-        freedom = library.evidence_freedom if k > first else inf
-        moved = between if k > first else None
+        later = k > first
+        freedom = library.evidence_freedom if later else inf  # as in `ObservationModel.measurement`
+        moved = between if later else None
         one = LinearMeasurement(dofs, rows, values[k], noise, moved, model.evidence, freedom)
         density, likelihood = weights.condition(one, deviation)
         evidence = evidence + density  # a new array: the old one was yielded
