@@ -121,7 +121,7 @@ def now_line(state: CellState, colours: Mapping[str, str], people: Mapping[str, 
         parts.append(f"for&nbsp;{chip(state.helped, people.get(state.helped, STALE))}")
     if state.unfinished and not state.active:
         task, what = state.unfinished
-        parts.append(f"{task_chip(task)} <b style='color:{BAD}'>{escape(what)}</b>")
+        parts.append(f"{task_chip(task)} <b style='color:{BAD}'>{escape(readable(what))}</b>")
     why = coworker = ""
     if state.truth is not None:  # a row of its own, so that tabs do not move when both have a task
         coworker = f"<br>coworker: {task_chip(state.truth) if state.truth else '-'}"
@@ -269,7 +269,7 @@ def _details(values: Mapping[str, str]) -> str:
     slow = values.get("latency p99 [ms]")
     latency = [f"latency p99 {_number(slow, '.1f')} ms"] if slow else []
     rejected = [
-        f'<span style="color:{WARNING}">{escape(key)} {escape(value)}</span>'
+        f'<span style="color:{WARNING}">{escape(readable(key))} {escape(value)}</span>'
         for key, value in values.items()
         if key.startswith("rejected ") and value != "0"
     ]

@@ -183,7 +183,7 @@ def _status(activation: Activation | None) -> tuple[int, str]:
     if activation is None:
         return Level.OK, "running"
     if activation.mode is Mode.STOPPED:
-        return Level.WARN, f"stopped: {activation.stop_reason}"
+        return Level.WARN, f"stopped: {activation.stop_reason.replace('_', ' ')}"
     if activation.waits_for:
         return Level.WARN, f"waits: {activation.waits_for}"
     if activation.inbox.held_back:

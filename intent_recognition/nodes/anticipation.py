@@ -158,18 +158,22 @@ class NextTaskOutput:
 
     def __init__(self, node: Node, topic: str = "intent/next_task"):
         self._publisher = node.create_publisher(JointState, topic, qos.LATCHED)
-        self._published: tuple[TaskMemory, Floats] | None = None
+        self._known: tuple[TaskMemory, Floats] | None = None
+        self._published: JointState | None = None
 
     def update(self, estimator: IntentEstimator) -> bool:
         """Publish if memory or expectation changed since the last call; returns whether it did."""
         expectation = estimator.expectation
-        known, prior = self._published or (None, None)
+        known, prior = self._known or (None, None)
         if expectation.memory is known and expectation.prior is prior:
             return False
-        self._published = expectation.memory, expectation.prior
+        self._known = expectation.memory, expectation.prior
         message = to_joint_state(
             estimator.library.labels, expectation.prior, time_ns=expectation.memory.ended_ns
         )
         message.header.frame_id = expectation.last_task
+        if message == self._published:  # the end of a movement computes it twice
+            return False
+        self._published = message
         self._publisher.publish(message)
         return True

@@ -172,8 +172,8 @@ def test_what_the_robot_did_not_finish_is_told_until_it_begins_again():
     state = CellState()
     state.take_active("give_cup")
     state.take_active("")
-    state.take_outcome("give_cup", "stopped: limits")
-    assert "stopped: limits" in markup.now_line(state, {}, {})
+    state.take_outcome("give_cup", "stopped: stream_stopped")
+    assert "stopped: stream stopped" in markup.now_line(state, {}, {})
     state.take_active("give_cup")
     assert "stopped" not in markup.now_line(state, {}, {})
     state.take_active("")
@@ -237,9 +237,9 @@ def test_a_silent_node_stands_out_unless_it_is_foreign_or_its_work_is_done():
 
 
 def test_details_have_rates_latency_and_what_was_rejected():
-    values = {"rate human/wrist [Hz]": "99.7", "latency p99 [ms]": "1.92", "rejected jump": "4"}
+    values = {"rate human/wrist [Hz]": "99.7", "latency p99 [ms]": "1.92", "rejected too_old": "4"}
     text = markup.nodes_table({"n": NodeHealth(0, "moving", values, 0.0)}, 1.0)
-    for said in ("human/wrist 100 Hz", "latency p99 1.9 ms", "rejected jump 4"):
+    for said in ("human/wrist 100 Hz", "latency p99 1.9 ms", "rejected too old 4"):
         assert said in text
     values |= {"rate x [Hz]": "fast"}
     assert "x fast Hz" in markup.nodes_table({"n": NodeHealth(0, "", values, 0.0)}, 1.0)

@@ -2,6 +2,7 @@
 """The estimator node with the arm's posture at onset and with tasks that follow one another."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,11 +11,12 @@ from estimator_graph import Graph as EstimatorGraph
 from model_builder import ROBOT, perform
 
 from intent_recognition.model.file import save_model
+from intent_recognition.nodes.anticipation import NextTaskOutput
 from intent_recognition.nodes.conversions import stamp_ns, to_joint_state, trajectory_arrays
 from intent_recognition.nodes.diagnostics import values_of
 from intent_recognition.recognition.estimator import IntentEstimator
 from intent_recognition.recognition.start_posture import POSTURE_USED, start_mean
-from intent_recognition.recognition.transitions import HABIT_TRUST
+from intent_recognition.recognition.transitions import HABIT_TRUST, TaskMemory
 
 RING = np.array([[0.04, 0.92, 0.04], [0.04, 0.04, 0.92], [0.92, 0.04, 0.04], [1 / 3] * 3])
 
@@ -120,6 +122,19 @@ def test_the_next_task_is_published_when_a_movement_ends(harness, folder):
     assert graph.call("reset").success
     assert graph.next[-1].header.frame_id == ""
     np.testing.assert_allclose(graph.next[-1].position, 1 / 3)
+
+
+def test_what_is_expected_as_before_is_not_published_again(harness):
+    output = NextTaskOutput(harness.probe, "intent/next_task_again")
+
+    def estimator(*prior: float) -> SimpleNamespace:
+        expected = SimpleNamespace(
+            memory=TaskMemory.empty(2), prior=np.array(prior), last_task="task_1"
+        )
+        return SimpleNamespace(expectation=expected, library=SimpleNamespace(labels=("a", "b")))
+
+    told = [output.update(estimator(*prior)) for prior in ((0.4, 0.6), (0.4, 0.6), (0.5, 0.5))]
+    assert told == [True, False, True]
 
 
 @pytest.mark.slow
