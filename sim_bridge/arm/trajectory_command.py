@@ -164,6 +164,8 @@ def _check_limits(
     outside = position_violation(q, limits)
     if position is not None:
         pushed = position_violation(np.atleast_2d(position), limits).max(axis=0)
+        if len(q) > 1:  # a brake may end out there
+            outside[-1] -= np.minimum(pushed, outside[0])
         # an arm at rest moves as far in 0.2 s
         outside[:-1] -= np.where(pushed > 0.0, pushed + 0.01, 0.0)
     means = np.zeros_like(q)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every kind of bad trajectory is refused whole, with its reason."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -67,6 +69,24 @@ def test_bad_trajectory(case):
         TrajectoryCommand.validated(*arguments, **options)
     assert caught.value.reason == reason
     assert isinstance(caught.value, TrajectoryError)
+
+
+@pytest.mark.parametrize(
+    "pushed, first, end, taken",
+    [
+        (2.99, 2.99, 2.98, True),
+        (2.99, 2.98, 2.97, True),
+        (2.99, 2.98, 2.985, False),
+        (2.97, 2.98, 2.975, False),
+        (2.9, 2.99, 2.98, False),
+    ],
+)
+def test_an_arm_pushed_past_a_limit_may_brake_there_but_end_no_farther_out(
+    pushed, first, end, taken
+):
+    command = NAMES, TIMES, [row(first), row(end)]  # the limit is 2.967
+    with nullcontext() if taken else pytest.raises(RejectedTrajectoryError, match="points"):
+        TrajectoryCommand.validated(*command, position=np.array(row(pushed)))
 
 
 def test_every_reason_has_a_case_and_a_good_one_passes():
