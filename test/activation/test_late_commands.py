@@ -120,10 +120,7 @@ def session(seed, latency_s, loss, kind=Arm, n=2, noise_rad=0.0, **options):
 
 @pytest.mark.parametrize(
     ("latency_s", "loss"),
-    [
-        *(((0.0, 0.0), 0.0), ((0.1, 0.1), 0.0), ((0.2, 0.2), 0.0), ((0.3, 0.3), 0.0)),
-        *(((0.0, 0.3), 0.0), ((0.0, 0.0), 0.3), ((0.2, 0.2), 0.3), ((0.0, 0.3), 0.3)),
-    ],
+    [((0.0, 0.0), 0.0), ((0.3, 0.3), 0.0), ((0.0, 0.3), 0.0), ((0.2, 0.2), 0.3)],
 )
 def test_what_is_executed_keeps_the_limits_and_ends_at_home(latency_s, loss):
     world, arm = session(1, latency_s, loss)
@@ -137,37 +134,31 @@ def test_what_is_executed_keeps_the_limits_and_ends_at_home(latency_s, loss):
         assert ("commands_late" in world.rejected) == (late > 0.0)
 
 
-@pytest.mark.parametrize(
-    ("lag_s", "noise_rad"),
-    [(0.05, 0.0), (0.08, 0.0), (0.12, 0.0), (0.2, 0.0), (0.0, 0.001), (0.0, 0.002), (0.1, 0.002)],
-)
+@pytest.mark.parametrize(("lag_s", "noise_rad"), [(0.05, 0.0), (0.2, 0.0), (0.1, 0.002)])
 def test_an_arm_that_lags_is_not_taken_for_one_that_gets_late_commands(lag_s, noise_rad):
     """Nor is one with coarse encoders."""
-    world, _ = session(1, (0.0, 0.0), 0.0, lag_s=lag_s, noise_rad=noise_rad)
+    world, _ = session(1, (0.0, 0.0), 0.0, n=1, lag_s=lag_s, noise_rad=noise_rad)
     assert world.rejected == [] and world.activation.arm.clocks["commands late [s]"] == "0.000"
     assert world.activation.mode is Mode.IDLE
 
 
-@pytest.mark.parametrize("top_rad_s", [0.35, 0.15])
-def test_an_arm_whose_speed_is_limited_tells_late_commands_too(top_rad_s):
+def test_an_arm_whose_speed_is_limited_tells_late_commands_too():
     """It is far behind, and stopped where it is too far."""
-    world, _ = session(1, (0.0, 0.0), 0.0, lag_s=0.05, top_rad_s=top_rad_s)
+    slow = {"lag_s": 0.05, "top_rad_s": 0.15}
+    world, _ = session(1, (0.0, 0.0), 0.0, n=1, **slow)
     assert "commands_late" not in world.rejected and world.activation.mode is Mode.IDLE
-    world, _ = session(1, (0.2, 0.2), 0.0, lag_s=0.05, top_rad_s=top_rad_s)
+    world, _ = session(1, (0.2, 0.2), 0.0, **slow)
     assert "commands_late" in world.rejected and world.activation.mode is Mode.IDLE
     np.testing.assert_allclose(world.arm(), HOME, atol=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("kind", "lag_s"), [(Arm, 0.05), (ForgetfulArm, 0.08), (ForgetfulArm, 0.12), (Arm, 0.2)]
-)
+@pytest.mark.parametrize(("kind", "lag_s"), [(ForgetfulArm, 0.08), (Arm, 0.2)])
 def test_commands_to_an_arm_that_lags_may_be_late_besides(kind, lag_s):
-    world, _ = session(1, (0.2, 0.2), 0.0, kind, lag_s=lag_s)
+    world, _ = session(1, (0.2, 0.2), 0.0, kind, n=1, lag_s=lag_s)
     assert "commands_late" in world.rejected and world.activation.mode is Mode.IDLE
 
 
-@pytest.mark.parametrize("lag_s", [0.0, 0.1])
-@pytest.mark.parametrize("latency_s", [0.0, 0.3])
+@pytest.mark.parametrize(("lag_s", "latency_s"), [(0.0, 0.0), (0.1, 0.3)])
 def test_a_brake_that_is_lost_is_noticed_and_sent_again(lag_s, latency_s):
     world, rng = World(), np.random.default_rng(1)
     arm = Arm(world, rng, (latency_s, latency_s), 0.0, lag_s=lag_s)
