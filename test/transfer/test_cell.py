@@ -33,10 +33,7 @@ def test_one_bad_trial_falls_short(bad):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "thing", "robot"),
-    [
-        *(("give", "plate", "lwr"), ("give", "bottle", "panda")),
-        *(("take", "box", "lwr"), ("take", "plate", "panda"), ("take", "rod", "lwr")),
-    ],
+    [("give", "bottle", "panda"), ("take", "rod", "lwr")],
 )
 def test_objects_change_hands(kind, thing, robot):
     outcome = run_trial(TransferTrial(kind, thing, robot, 7))
@@ -48,7 +45,7 @@ def test_objects_change_hands(kind, thing, robot):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("kind", "thing"), list(zip(DISTURBANCES, ["box", "bottle"] * 3, strict=True))
+    ("kind", "thing"), [("bump", "box"), ("pull on the way", "box"), ("partly", "bottle")]
 )
 def test_bumps_and_false_pulls_get_nothing_and_the_object_is_brought_back(kind, thing):
     outcome = run_trial(TransferTrial(kind, thing, "lwr", 8))
@@ -59,22 +56,18 @@ def test_bumps_and_false_pulls_get_nothing_and_the_object_is_brought_back(kind, 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("robot", "seed", "again"), [("lwr", 103, True), ("panda", 11, False)])
-def test_a_wet_bottle_is_gripped_before_it_is_lost_and_again_after_another_world(
-    robot, seed, again
-):
+def test_a_wet_bottle_is_gripped_before_it_is_lost_and_again_after_another_world():
     """PyBullet has one threshold of contacts for all worlds of a process."""
-    trial = TransferTrial("slippery", "bottle", robot, seed)
+    trial = TransferTrial("slippery", "bottle", "lwr", 103)
     outcome = run_trial(trial)
     assert outcome.success
     assert outcome.slip_s <= NOTICED_S
-    if again:
-        other = start_world()
-        other.setPhysicsEngineParameter(contactBreakingThreshold=0.001)
-        end_world(other)
-        second = run_trial(trial)
-        assert [s.time_s for s in second.samples] == [s.time_s for s in outcome.samples]
-        np.testing.assert_array_equal(second.samples[-1].object_m, outcome.samples[-1].object_m)
+    other = start_world()
+    other.setPhysicsEngineParameter(contactBreakingThreshold=0.001)
+    end_world(other)
+    second = run_trial(trial)
+    assert [s.time_s for s in second.samples] == [s.time_s for s in outcome.samples]
+    np.testing.assert_array_equal(second.samples[-1].object_m, outcome.samples[-1].object_m)
 
 
 def test_by_the_clock_an_object_is_dropped():
