@@ -117,7 +117,7 @@ def recognised(estimator, values):
 
 
 @pytest.mark.parametrize("seen", [[2], [1, 2]], ids=["one", "two"])
-@pytest.mark.parametrize("first", range(60, 180, 20))
+@pytest.mark.parametrize("first", range(60, 180, 40))
 def test_dofs_that_are_missing_for_a_moment_change_nothing_of_the_task(rng, seen, first):
     """The others' velocity says nothing of a stop since theirs was known, nor is it an error."""
     library = make_library(rng, n_basis=8, spread=0.02, correlation_time_s=0.05)
