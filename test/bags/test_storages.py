@@ -262,7 +262,7 @@ def test_the_commands_take_them(tmp_path, repository, capsys):
 def test_evaluate_says_the_same_of_every_storage(tmp_path, repository, monkeypatch):
     for name in ("mcap", "db3", "ros1"):
         (tmp_path / name).mkdir()
-    write_session(tmp_path / "mcap/day", ["plate"] * 6)
+    write_session(tmp_path / "mcap/day", ["plate"] * 4)
     messages = [*BagReader(tmp_path / "mcap/day").raw_messages()]
     kinds = {one.topic: one.type for one in messages}
     ros2 = Ros2Writer(tmp_path / "db3/day", version=9, storage_plugin=StoragePlugin.SQLITE3)
@@ -273,7 +273,7 @@ def test_evaluate_says_the_same_of_every_storage(tmp_path, repository, monkeypat
                 data = one.data if writer is ros2 else STORE.cdr_to_ros1(one.data, one.type)
                 writer.write(ids[one.topic], one.log_time_ns, data)
     options = ["--dofs", str(repository / "config/dofs.yaml"), "--basis", "5"]
-    options += ["--protocol", "kfold:3", "--unknown-tasks", "off", "--json", "scores.json"]
+    options += ["--protocol", "kfold:2", "--unknown-tasks", "off", "--json", "scores.json"]
     found = {}
     for name in ("mcap", "db3", "ros1"):
         monkeypatch.chdir(tmp_path / name)
