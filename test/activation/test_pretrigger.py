@@ -105,10 +105,9 @@ def test_the_hand_is_slow_at_a_place_also_where_it_still_joins_its_path():
     assert at_place.any() and 0.09 < speed[at_place].max() < places.excess(plan) * 0.1 <= 0.1
 
 
-@pytest.mark.parametrize(("speed_m_s", "radius_m"), [(0.02, 0.05), (0.1, 0.2)])
-def test_the_hand_is_slow_at_a_place_while_predictions_change(speed_m_s, radius_m):
+def test_the_hand_is_slow_at_a_place_while_predictions_change():
     """Judged every ms: most updates are kept, and none is faster than the place allows."""
-    place_m = ARM.skeleton(HOME + 0.8 * GOALS["plate"])[0, -1]
+    place_m, speed_m_s, radius_m = ARM.skeleton(HOME + 0.8 * GOALS["plate"])[0, -1], 0.02, 0.05
     world = make_world(slow_places=SlowPlaces(ARM, np.array([[*place_m, radius_m, speed_m_s]])))
     world.serve("plate")
     world.run(3.0)
