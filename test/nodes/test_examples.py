@@ -63,8 +63,8 @@ def trained(request, tmp_path_factory):
     for entry in dofs.observed:
         pytest.importorskip(entry.type.partition("/")[0], reason="its messages are not installed")
     truth = true_library(dofs, n_tasks=2)
-    for i in range(4 * truth.n_tasks):
-        recording = perform(truth, i % truth.n_tasks, i)
+    for i in range(3 * truth.n_tasks):
+        recording = perform(truth, i % truth.n_tasks, i, rate_hz=25.0)
         write_recording(folder / "bags" / recording.name, recording, dofs)
     settled = settle_orientations(dofs, folder / "bags")
     demonstrations, rejections = read_demonstrations([folder / "bags"], settled)
