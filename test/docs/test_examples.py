@@ -10,6 +10,7 @@ import pytest
 from docs.shown import PAGES, ROOT
 from programs import output_of
 
+from intent_recognition.learning import training
 from intent_recognition.registry import NODES
 
 BLOCK = re.compile(r"^ *```python\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
@@ -38,6 +39,7 @@ def test_an_example_of_the_gallery_runs(example, monkeypatch):
     monkeypatch.syspath_prepend(str(example.parent))
     monkeypatch.chdir(example.parent)
     monkeypatch.setattr(pyplot, "show", lambda: None)
+    monkeypatch.setattr(training, "PACES", ("steady", "aligned"))
     try:
         runpy.run_path(str(example), run_name="__main__")
         assert pyplot.get_fignums() or example.stem == "10_a_real_recording"
