@@ -111,7 +111,7 @@ def scripts(draw):
 
 
 @pytest.mark.slow
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(scripts())
 def test_replacement_is_continuous_and_its_acceleration_bounded(script):
     follower = TrajectoryFollower(REST)
