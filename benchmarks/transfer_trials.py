@@ -21,15 +21,7 @@ from intent_recognition.transfer import (
 )
 from sim_bridge import GRAVITY_M_S2
 from sim_bridge.arm import SimulatedArm
-from sim_bridge.handover import (
-    HELD_SHARE,
-    CompliantHand,
-    Giver,
-    Manner,
-    SeenRobot,
-    Strength,
-    Taker,
-)
+from sim_bridge.handover import HELD_SHARE, CompliantHand, Giver, Manner, SeenRobot, Strength, Taker
 
 TRANSFERS = ("give", "take")
 DISTURBANCES = ("bump", "bump on the way", "pull on the way", "tug", "wrong way", "partly")

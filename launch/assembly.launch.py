@@ -12,8 +12,4 @@ from sim_bridge.scenarios.assembly import in_assistants_place
 
 
 def generate_launch_description() -> LaunchDescription:
-    return describe_graph(
-        "assembly",
-        robot_description=describe_robot,
-        of_arm=in_assistants_place,
-    )
+    return describe_graph("assembly", robot_description=describe_robot, of_arm=in_assistants_place)

@@ -5,13 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from experiments.recording import Content, known_of, recorded_at_ns, session_messages
-from sim_bridge.scenarios.assembly import (
-    ASSISTANT,
-    MARGIN_S,
-    SESSIONS,
-    WORKER,
-    plan_session,
-)
+from sim_bridge.scenarios.assembly import ASSISTANT, MARGIN_S, SESSIONS, WORKER, plan_session
 
 COARSE_STEPS = 2.0**-12, 2.0**-9
 """Resolution of positions, 0.24 mm [m], and of quaternions' components: far below the noise, and

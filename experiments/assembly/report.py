@@ -12,28 +12,11 @@ from experiments.assembly.figures import (
     overlap_figure,
     workspace_figure,
 )
-from experiments.assembly.numbers import (
-    NAMES,
-    PAPER_OBSERVATIONS,
-    aligned_paths,
-    probabilities,
-)
-from experiments.assembly.scores import (
-    LAST,
-    at_phase,
-    spread_observations,
-)
+from experiments.assembly.numbers import NAMES, PAPER_OBSERVATIONS, aligned_paths, probabilities
+from experiments.assembly.scores import LAST, at_phase, spread_observations
 from experiments.assembly.study import AssemblyStudy
 from intent_recognition.promp import TaskLibrary
-from intent_recognition.report import (
-    Block,
-    Column,
-    Figure,
-    Paragraph,
-    TableBlock,
-    readable,
-    to_svg,
-)
+from intent_recognition.report import Block, Column, Figure, Paragraph, TableBlock, readable, to_svg
 from sim_bridge.scenarios.assembly import FASTENING, HAND_OVER
 
 TUBE_PHASES = np.linspace(0.0, 1.0, 101)

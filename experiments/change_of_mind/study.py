@@ -15,14 +15,7 @@ from experiments.settings import Settings
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.learning import learn
 from intent_recognition.promp import TaskLibrary
-from sim_bridge.coworker import (
-    TASKS,
-    USUAL_BLEND,
-    Reach,
-    WristMovement,
-    draw_reach,
-    draw_rest,
-)
+from sim_bridge.coworker import TASKS, USUAL_BLEND, Reach, WristMovement, draw_reach, draw_rest
 
 SHARES = (0.15, 0.25, 0.4, 0.6)
 """Shares of the movement at which the mind changes."""

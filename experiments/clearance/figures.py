@@ -4,15 +4,7 @@
 from collections.abc import Sequence
 
 from experiments.clearance.study import ClearanceRun
-from intent_recognition.report import (
-    DASHED,
-    INK,
-    NONE_COLOUR,
-    PALETTE,
-    Drawing,
-    new_axes,
-    styled,
-)
+from intent_recognition.report import DASHED, INK, NONE_COLOUR, PALETTE, Drawing, new_axes, styled
 
 COLOURS = {
     "as before": NONE_COLOUR,

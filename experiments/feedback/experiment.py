@@ -7,10 +7,7 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from experiments.feedback.controller import FeedbackPolicy, feedback_policy
-from experiments.feedback.figures import (
-    distribution_figure,
-    push_figure,
-)
+from experiments.feedback.figures import distribution_figure, push_figure
 from experiments.feedback.study import (
     DESIGN,
     N_RUNS,

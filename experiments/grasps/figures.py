@@ -10,14 +10,7 @@ from matplotlib.patches import Polygon
 from experiments.grasps.gripper import CLEARANCE_M, FINGER_M, PAD_M
 from experiments.grasps.study import CARRIED, MANNERS, WARPED, Trial
 from intent_recognition.array_types import Floats
-from intent_recognition.report import (
-    INK,
-    PALETTE,
-    Drawing,
-    new_figure,
-    shared_legend,
-    styled,
-)
+from intent_recognition.report import INK, PALETTE, Drawing, new_figure, shared_legend, styled
 from intent_recognition.warping import Grasp
 
 COLOURS = {WARPED: PALETTE[2], CARRIED: PALETTE[1]}

@@ -4,24 +4,13 @@
 import numpy as np
 
 from experiments.draws import also, drawn, draws_tables
-from experiments.pole.figures import (
-    PolePaths,
-    components_figure,
-    paths_figure,
-    scene_figure,
-)
+from experiments.pole.figures import PolePaths, components_figure, paths_figure, scene_figure
 from experiments.pole.geometry import POLE_M, POLE_RADIUS_M, WAYS, fingertip
 from experiments.pole.pictures import picture
 from experiments.pole.study import PoleStudy
 from experiments.results import Finding
 from intent_recognition.array_types import Floats
-from intent_recognition.report import (
-    Block,
-    Figure,
-    TableBlock,
-    to_png,
-    to_svg,
-)
+from intent_recognition.report import Block, Figure, TableBlock, to_png, to_svg
 
 PAPER_PLATEAU_CM = 4.0
 """Error of the path that the paper reaches with enough components [cm], about."""
@@ -82,12 +71,7 @@ def findings(study: PoleStudy) -> tuple[Finding, ...]:
 
 def blocks(study: PoleStudy) -> tuple[Block, ...]:
     """Figures and tables."""
-    return (
-        _scene(study),
-        _paths(study),
-        _components(study),
-        *_draws(study),
-    )
+    return (_scene(study), _paths(study), _components(study), *_draws(study))
 
 
 def shown_twice(study: PoleStudy) -> dict[str, int]:

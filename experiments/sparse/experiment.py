@@ -26,12 +26,7 @@ from experiments.sparse.conditioning import (
     spline_predictor,
     true_acceleration,
 )
-from experiments.sparse.figures import (
-    Line,
-    Panel,
-    example_figure,
-    sparse_error_figure,
-)
+from experiments.sparse.figures import Line, Panel, example_figure, sparse_error_figure
 from experiments.sparse.study import (
     DMP_SPLINE,
     METHODS,

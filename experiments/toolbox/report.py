@@ -13,14 +13,7 @@ from experiments.toolbox.study import END_NAME, WHOLE_NAME, ToolboxStudy
 from intent_recognition.array_types import Floats
 from intent_recognition.kinematics import JOINT_NAMES
 from intent_recognition.learning import purity
-from intent_recognition.report import (
-    Block,
-    Figure,
-    Row,
-    hand_error_figure,
-    readable,
-    to_svg,
-)
+from intent_recognition.report import Block, Figure, Row, hand_error_figure, readable, to_svg
 
 PAPER_CM = {"plate_handover": (3.2, 2.6), "hold_screwdriver": (2.1, 2.3)}
 """Mean error of the hand and two standard deviations [cm]."""

@@ -15,13 +15,7 @@ from intent_recognition.activation.states import (
     Yielding,
 )
 from intent_recognition.array_types import Floats
-from intent_recognition.motion import (
-    Correction,
-    PhaseState,
-    Via,
-    phase_of,
-    with_via,
-)
+from intent_recognition.motion import Correction, PhaseState, Via, phase_of, with_via
 
 
 class Correcting:

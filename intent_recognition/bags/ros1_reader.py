@@ -11,14 +11,7 @@ from typing import BinaryIO
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader, ReaderError
-from rosbags.rosbag1.reader import (
-    ChunkInfo,
-    Header,
-    IndexData,
-    RecordType,
-    read_bytes,
-    read_uint32,
-)
+from rosbags.rosbag1.reader import ChunkInfo, Header, IndexData, RecordType, read_bytes, read_uint32
 
 CHUNK = re.compile(rb"(?s)....(?:....compression=|\x04\0\0\0op=\x05)")
 """Start of a chunk: its header's length and the first field, in the order of either writer."""

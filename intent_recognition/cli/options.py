@@ -98,12 +98,7 @@ def add_module(subparsers: Subparsers, name: str, module: ModuleType) -> None:
 
 
 def add_command(
-    subparsers: Subparsers,
-    name: str,
-    run: Callable[..., object] | None,
-    text: str,
-    /,
-    **more: Any,
+    subparsers: Subparsers, name: str, run: Callable[..., object] | None, text: str, /, **more: Any
 ) -> argparse.ArgumentParser:
     """Add a command, or an action of a command.
 

@@ -26,11 +26,7 @@ from intent_recognition.cli import output
 from intent_recognition.cli.console import busy, plain_table, say
 from intent_recognition.demonstrations import load_dofs, settle_orientations
 from intent_recognition.errors import ArgumentError
-from intent_recognition.evaluation import (
-    propose_segments,
-    recognise_segments,
-    write_segments,
-)
+from intent_recognition.evaluation import propose_segments, recognise_segments, write_segments
 from intent_recognition.model import load_model
 
 OPTIONS = {"output": {"default": Path("out/segments")}}

@@ -21,12 +21,7 @@ from intent_recognition.bags import (
 )
 from intent_recognition.demonstrations.dofs import DofSpec, is_raw_pose
 from intent_recognition.demonstrations.entry import DofEntry
-from intent_recognition.demonstrations.fields import (
-    Content,
-    pose_message,
-    pose_numbers,
-    values_of,
-)
+from intent_recognition.demonstrations.fields import Content, pose_message, pose_numbers, values_of
 from intent_recognition.signals import Signal
 from intent_recognition.tracking import (
     NOT_FINITE,

@@ -215,10 +215,7 @@ def _moved(
     cross = task.context_cross.copy()
     cross[n:] += slopes @ cross[:n]
     examples = tuple(
-        one._replace(
-            weights=raised(one.weights),
-            controlled=one.controlled + shift(one),
-        )
+        one._replace(weights=raised(one.weights), controlled=one.controlled + shift(one))
         for one in task.examples
     )
     weights = np.array([one.weights for one in examples])

@@ -18,11 +18,7 @@ from intent_recognition.learning.persons import (
     log_duration_variance_of_strangers,
 )
 from intent_recognition.learning.preprocessing import Preprocessing
-from intent_recognition.learning.statistics import (
-    TaskStatistics,
-    pooled_moments,
-    variance_scales,
-)
+from intent_recognition.learning.statistics import TaskStatistics, pooled_moments, variance_scales
 from intent_recognition.promp import (
     STUDENT_FREEDOM,
     USUAL,

@@ -30,11 +30,7 @@ from intent_recognition.learning.left_out import (
 from intent_recognition.learning.preprocessing import Preprocessing, example_of, other_units_of
 from intent_recognition.learning.selection import Choice, choose
 from intent_recognition.learning.settings import TrainingSettings
-from intent_recognition.learning.statistics import (
-    TaskStatistics,
-    merge_tasks,
-    summarize,
-)
+from intent_recognition.learning.statistics import TaskStatistics, merge_tasks, summarize
 from intent_recognition.learning.timing import PACES
 from intent_recognition.learning.unknown_task import learn_none_margin
 from intent_recognition.learning.unnamed_people import told_apart, with_people

@@ -57,12 +57,7 @@ class SeenColumn(NamedTuple):
 
 
 def body_entry(
-    table: Table,
-    values: Floats,
-    body: str,
-    names: Sequence[str],
-    farthest: float,
-    file: str = "",
+    table: Table, values: Floats, body: str, names: Sequence[str], farthest: float, file: str = ""
 ) -> list[str]:
     """Lines of the entry of a body with its columns `values`, named after the body or its file.
 

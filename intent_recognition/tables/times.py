@@ -20,13 +20,7 @@ from intent_recognition.signals import (
     SHORTEST_PERIOD_S,
     USUAL_PERIODS_S,
 )
-from intent_recognition.tables.cells import (
-    MISSING,
-    Values,
-    cell_at,
-    with_point,
-    without_thousands,
-)
+from intent_recognition.tables.cells import MISSING, Values, cell_at, with_point, without_thousands
 
 PER_UNIT = {"s": NANOSECONDS, "ms": 10**6, "us": 10**3, "ns": 1, "min": 60 * NANOSECONDS,
             "ticks": 100}  # fmt: skip
