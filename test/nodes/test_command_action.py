@@ -194,9 +194,8 @@ def test_a_goal_that_ends_while_the_next_is_on_its_way_ends_the_interaction(
 
 
 def test_who_commands_the_controller_by_its_topic_is_refused(cell):
-    cell.harness.probe.create_publisher(
-        JointTrajectory, "joint_trajectory_controller/joint_trajectory", 1
-    )
+    topic = "joint_trajectory_controller/joint_trajectory"
+    cell.harness.probe.create_publisher(JointTrajectory, topic, 1)
     cell.harness.spin_until(lambda: cell.node._output.shared, what="who else commands")
     status, values = cell.report()
     assert status.level == bytes([Level.ERROR]) and "shared arm" in status.message

@@ -104,12 +104,7 @@ def test_the_path_passes_until_the_point_is_removed(harness, folder):
     point = end | {"dofs": {"lwr_a4_joint": goal}}
     assert put(point) == ""
     assert read_via_points(told[-1].data) == read_via_points(json.dumps([point]))
-    for refused, text in (
-        (end | {"dofs": {"lwr_a4_joint": 2.0}}, "end: expected at most 6 standard"),
-        (end | {"dofs": {"elbow": 1.0}}, "DOFs of lwr_a1_joint"),
-        ({"name": "far", "hand": [0.3, 0.0, 0.5], "phase": 0.5}, "no robot_description"),
-    ):
-        assert text in put(refused)
+    assert "DOFs of lwr_a1_joint" in put(end | {"dofs": {"elbow": 1.0}})
     graph.feed(folder.observations(task=0)[:100])
     found = graph.robot[-1]
     assert found.header.frame_id == task

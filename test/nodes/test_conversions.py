@@ -3,7 +3,6 @@
 
 import numpy as np
 import pytest
-from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import PoseStamped
 from hypothesis import given
 from hypothesis import strategies as st
@@ -19,7 +18,6 @@ from intent_recognition.errors import MessageError, ShapeError
 from intent_recognition.nodes.conversions import (
     OdometryBuilder,
     TrajectoryBuilder,
-    duration_s,
     joint_values,
     measured_values,
     message_class,
@@ -49,10 +47,6 @@ def test_stamps_are_exact(time_ns):
     message.header.stamp = to_stamp(time_ns)
     assert stamp_ns(message) == stamp_ns(message.header) == time_ns
     assert stamp_ns(message.header.stamp) == time_ns
-
-
-def test_durations_are_seconds():
-    assert duration_s(Duration(sec=-2, nanosec=250_000_000)) == pytest.approx(-1.75)
 
 
 @pytest.mark.parametrize("name", ["no_such_package/msg/Thing", "std_msgs/msg/Thing", "nonsense"])

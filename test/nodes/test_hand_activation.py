@@ -11,7 +11,6 @@ from activation_graph import START_NS, Graph
 from joint_trajectories import build_joint_trajectory
 from model_builder import true_library
 from rclpy.node import Node
-from scipy.spatial.transform import Rotation, Slerp
 from std_msgs.msg import String
 
 from intent_recognition.bags import JOINT_STATE
@@ -26,7 +25,6 @@ from sim_bridge.arm.robots import find_robot
 from sim_bridge.scenarios.toolbox import HOME_HAND_M, ToolboxArm
 
 NAMES = [f"hand/pose.pose.position.{axis}" for axis in "xyz"]
-TURNED_NAMES = NAMES + [f"hand/pose.pose.orientation.{axis}" for axis in "xyzw"]
 GOAL_M = np.array([0.62, -0.03, 0.38])
 TIP = "panda_grasptarget"
 
@@ -46,22 +44,12 @@ class HandGraph(Graph):
         if describe:
             self.hear("robot_description", String(data=arm.robot.description))
 
-    @property
-    def turn_at_home(self):
-        pose = self.arm._arm.forward_kinematics(self.arm.home)
-        return Rotation.from_matrix(pose[:3, :3]).as_quat()
-
     def predict(self, goal):
-        """The hand goes to a position (3,), or to one turned as the quaternion says (7,)."""
         s = np.linspace(0.0, 1.0, 50)
         way = (s**3 * (10 - 15 * s + 6 * s**2))[:, None]
-        path = HOME_HAND_M + way * (goal[:3] - HOME_HAND_M)
-        names = TURNED_NAMES[: len(goal)]
-        if len(goal) == 7:
-            ends = Rotation.from_quat([self.turn_at_home, goal[3:]])
-            path = np.hstack([path, Slerp([0.0, 1.0], ends)(way[:, 0]).as_quat()])
+        path = HOME_HAND_M + way * (goal - HOME_HAND_M)
         message = build_joint_trajectory(
-            names, 2.0 * s, path, None, np.full(path.shape, 0.01), time_ns=START_NS - 600_000_000
+            NAMES, 2.0 * s, path, None, np.full(path.shape, 0.01), time_ns=START_NS - 600_000_000
         )
         message.header.frame_id = "plate"
         self.hear("intent/robot_trajectory", message)
@@ -75,10 +63,10 @@ class HandGraph(Graph):
         self.predict(goal)
         self.send_tasks([0.99, 0.01], names=("plate", "none"))
 
-    def commanded(self, goal=GOAL_M):
-        """Predict it until the arm is commanded; the first command."""
+    def commanded(self):
+        """Predict the goal until the arm is commanded; the first command."""
         for _ in range(6):
-            self.step(goal)
+            self.step(GOAL_M)
         return self.commands[0]
 
 
@@ -93,16 +81,6 @@ def test_the_hand_of_another_arm_goes_where_it_was_predicted(harness, panda):
     limits = panda.robot.limits
     assert np.all((q > limits.lower) & (q < limits.upper))
     assert np.all(np.abs(rest["velocities"]) <= 0.9 * limits.velocity * (1 + 1e-6))
-
-
-def test_the_whole_pose_of_the_hand_is_reached_as_predicted(harness, panda):
-    graph = HandGraph(harness, panda)
-    turn = Rotation.from_quat(graph.turn_at_home) * Rotation.from_rotvec([0.2, -0.3, 0.4])
-    _, q, _ = trajectory_arrays(graph.commanded(np.concatenate([GOAL_M, turn.as_quat()])))
-    pose = panda._arm.forward_kinematics(q[-1])
-    np.testing.assert_allclose(pose[:3, 3], GOAL_M, atol=1e-3)
-    np.testing.assert_allclose(pose[:3, :3], turn.as_matrix(), atol=2e-3)
-    assert graph.node.activation.inbox.decision.active == "plate"
 
 
 @pytest.fixture

@@ -140,9 +140,7 @@ NODES = {
     "activation": with_sequences,
     "warper": lambda harness, *_: harness.node(object_warper.ObjectWarper, source="mug"),
     "primitive": lambda harness, *_: harness.node(WarpedPrimitiveNode),
-    "teacher": lambda harness, folder, _: harness.node(
-        task_teacher.TaskTeacher, library=str(folder / "t")
-    ),
+    "teacher": lambda h, f, _: h.node(task_teacher.TaskTeacher, library=str(f / "t")),
     "coworker": lambda harness, *_: harness.node(CoworkerSim),
     "session": lambda harness, *_: harness.add(SessionObserver(print, print)),
     "pouring": lambda harness, *_: harness.add(PouringObserver()),

@@ -145,11 +145,6 @@ def test_managed_node_refuses_a_transition_that_does_not_begin_here(harness, tra
     assert change(harness, Transition.TRANSITION_DEACTIVATE)
 
 
-def test_managed_node_raises_what_failed_at_start(harness):
-    with pytest.raises(ModelError, match="from the future"):
-        Managed(fail=ModelError("a model from the future"))
-
-
 def test_a_managed_node_that_is_destroyed_leaves_the_graph(harness):
     node = Managed()
     harness.spin_until(lambda: "managed" in harness.probe.get_node_names())

@@ -70,10 +70,7 @@ def test_each_is_recognised_as_if_alone_though_the_tracker_exchanges_them(
     ingest = harness.node(MocapIngest, persons=persons)
     named = {"persons": persons, "model": str(tmp_path / "model.npz")}
     estimator = harness.node(IntentEstimatorNode, **named)
-    tasks = {
-        who: harness.collect(JointState, f"intent/{who}/tasks", qos.keep_last(1000))
-        for who in TASKS
-    }
+    tasks = {p: harness.collect(JointState, f"intent/{p}/tasks", qos.keep_last(999)) for p in TASKS}
     harness.spin_until(lambda: len(ingest._waiting) == 2, what="both met")
     apart = np.linalg.norm(wrists["anna"] - wrists["ben"], axis=1)
     k0 = int(np.argmax((apart > 0.1) & (np.arange(len(apart)) > 70)))
@@ -113,9 +110,7 @@ def test_each_is_recognised_as_if_alone_though_the_tracker_exchanges_them(
 @pytest.mark.slow
 def test_a_frame_that_is_stamped_wrong_changes_nobody_and_a_clock_may_go_back():
     sent, diagnostics = [], Mock()
-    people = IdentityInput(
-        "wrist", lambda who, _, pose: sent.append((who, *pose.pose)), diagnostics
-    )
+    people = IdentityInput("wrist", lambda who, _, p: sent.append((who, *p.pose)), diagnostics)
 
     def show(stamp, labels):
         sent.clear()

@@ -57,11 +57,8 @@ LATCHED = (QoSReliabilityPolicy.RELIABLE, QoSDurabilityPolicy.TRANSIENT_LOCAL, 1
 OFFERED = {
     "mocap_ingest": {"human/wrist": SENSOR},
     "intent_estimator": {
-        "intent/tasks": STATE,
-        "intent/robot_trajectory": COMMAND,
-        "intent/human_path": COMMAND,
-        "intent/human_trajectory": COMMAND,
-        "intent/markers": COMMAND,
+        "intent/tasks": STATE, "intent/robot_trajectory": COMMAND, "intent/human_path": COMMAND,
+        "intent/human_trajectory": COMMAND, "intent/markers": COMMAND,
         "intent/next_task": LATCHED,
     },
     "primitive_activation": {"joint_trajectory": COMMAND, "intent/active_task": LATCHED},
@@ -70,7 +67,7 @@ OFFERED = {
     "lwr_sim": {"joint_states": STATE, "robot_description": LATCHED},
     "coworker_sim": {"mocap/wrist/pose": SENSOR, "coworker/task": STATE},
     "task_teacher": {"teach/status": LATCHED},
-}
+}  # fmt: skip
 SERVICES = {
     "intent_estimator": {"reset", "reload_model"},
     "primitive_activation": {"reset"},
@@ -133,9 +130,7 @@ def check_contract(node, name):
         profile = profiles[f"/cell1/{topic}"]
         assert (profile.reliability, profile.durability) == (reliability, durability), topic
         assert (profile.history, profile.depth) == (QoSHistoryPolicy.KEEP_LAST, depth), topic
-    every = {
-        f"/cell1/{topic}": qos for offered in OFFERED.values() for topic, qos in offered.items()
-    }
+    every = {f"/cell1/{t}": qos for offered in OFFERED.values() for t, qos in offered.items()}
     for one in node.subscriptions:  # asks for no more than is offered, and for what was said before
         wanted, offered = one.qos_profile, every.get(one.topic_name, LATCHED)
         assert wanted.reliability == SENSOR[0] or offered[0] == STATE[0], one.topic_name

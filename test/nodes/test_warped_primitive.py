@@ -78,10 +78,7 @@ def test_a_container_survives_its_messages():
 def test_a_request_becomes_a_task_and_a_trajectory(harness, pouring_skill):
     """Too early it is refused; then the arm's own posture, there and back, upright at both ends."""
     node = harness.node(WarpedPrimitiveNode, skill=str(pouring_skill))
-    tasks, planned = (
-        harness.said(node, "intent/tasks"),
-        harness.said(node, "intent/robot_trajectory"),
-    )
+    tasks, planned = (harness.said(node, f"intent/{t}") for t in ("tasks", "robot_trajectory"))
     hear, rejected = partial(harness.hear, node), node._diagnostics.rejected
     hear("pour", String(data="empty"))  # too early
     node._on_timer()
