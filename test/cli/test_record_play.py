@@ -34,14 +34,9 @@ def test_record_options_become_parameters(parse, monkeypatch, tmp_path):
 def test_play_options_become_parameters(parse):
     args = parse("play", "/b", "--rate", "0", "--loop", "--paused", "--wait", "7", "--clock")
     assert play.parameters(args) == {
-        "bag": "/b",
-        "rate": 0.0,
-        "loop": True,
-        "start_paused": True,
-        "wait_for_subscribers": 7.0,
-        "clock": True,
-        "restamp": False,
-    }
+        "bag": "/b", "rate": 0.0, "loop": True, "start_paused": True,
+        "wait_for_subscribers": 7.0, "clock": True, "restamp": False,
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -51,10 +46,10 @@ def test_play_options_become_parameters(parse):
         (("/joint states",), "argument TOPIC: expected a topic"),
         (("/a", "--namespace", "cell 1"), "argument --namespace: expected a namespace"),
         (("/a", "--namespace", "1"), "argument --namespace: expected a namespace"),
-        (("/a", "--remap", "/a"), "argument --remap: expected FROM:=TO"),
-        (("/a", "--remap", "/a:="), "argument --remap: expected FROM:=TO"),
-        (("/a", "--remap", "/a:=/b c"), "argument --remap: expected FROM:=TO"),
-        (("/a", "--remap", "a:=b:=c"), "argument --remap: expected FROM:=TO"),
+        *(
+            (("/a", "--remap", rule), "argument --remap: expected FROM:=TO")
+            for rule in ("/a", "/a:=", "/a:=/b c", "a:=b:=c")
+        ),
     ],
 )
 def test_a_name_that_ros_cannot_have_is_refused(refused, words, message):

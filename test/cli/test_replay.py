@@ -69,9 +69,8 @@ def test_rows_are_the_contract_s_numbers_the_estimator_s_and_the_right_task_is_a
 @pytest.mark.slow
 def test_why_a_recognised_task_never_was_active_is_said(replay, bag, monkeypatch):
     strict = DecisionSettings(max_end_std_rad=1e-6, max_end_std_m=1e-6)
-    monkeypatch.setattr(
-        "intent_recognition.evaluation.replaying.decision_settings", lambda library: strict
-    )
+    settings = "intent_recognition.evaluation.replaying.decision_settings"
+    monkeypatch.setattr(settings, lambda library: strict)
     _, text, rows = replay(bag)
     assert {row["active_task"] for row in rows} == {""}
     assert "not activated: recognised task_1, but the predicted end is uncertain" in text
@@ -113,21 +112,12 @@ def test_a_recording_without_observations_is_refused_with_what_it_has(
         run_command(command, tmp_path / "lost", "--model", model)
 
 
-def test_a_truncated_recording_is_refused(replay, bag):
-    data = (bag / "bag_0.mcap").read_bytes()
-    (bag / "bag_0.mcap").write_bytes(data[: len(data) // 2])
-    with pytest.raises(BagError, match="recover"):
-        replay(bag)
-
-
 @pytest.fixture(scope="module")
 def bags(tmp_path_factory):
     """Bags to learn from, and others to rehearse, one of them with a wrong label."""
     folder = tmp_path_factory.mktemp("bags")
     for seed in range(16):
-        write_recording(
-            folder / "shown" / f"shown_{seed:02d}", perform(TRUTH, seed % 2, seed), DOFS
-        )
+        write_recording(folder / "shown" / f"s_{seed:02d}", perform(TRUTH, seed % 2, seed), DOFS)
     for seed in range(60, 63):
         task = "task_0" if seed == 61 else None
         recorded = perform(TRUTH, seed % 2, seed)

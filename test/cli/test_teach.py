@@ -145,9 +145,7 @@ def test_undo_of_no_library_makes_none(tmp_path, run_command, came):
     library = tmp_path / "misspelt"
     if came != "none":
         library.mkdir()
-    with pytest.raises(
-        ModelError, match=f"--library .*misspelt: expected a folder of tasks, got {came}"
-    ):
+    with pytest.raises(ModelError, match=f"misspelt: expected a folder of tasks, got {came}"):
         run_command("undo", "--library", library)
     assert list(tmp_path.rglob("*")) == [library] * (came != "none")
 

@@ -19,9 +19,8 @@ from intent_recognition.cli.main import main
 from intent_recognition.cli.train import print_library, with_sessions
 from intent_recognition.errors import ArgumentError, BagError, DofError, TrainingError
 from intent_recognition.learning import Hyperparameters, Trained, TrainingReport, TrainingSettings
-from intent_recognition.learning.fitting import library_from_statistics
 from intent_recognition.learning.transitions import count_transitions, smoothed_transitions
-from intent_recognition.model import Model, accumulate_bags, load_model, load_trained
+from intent_recognition.model import Model, load_model, load_trained
 
 
 @pytest.mark.slow
@@ -72,18 +71,6 @@ def test_broken_bags_are_left_out_and_named_to_users_and_scripts(train, recorded
     assert all(reason in left_out[name] for name, reason in reasons.items())
 
 
-def test_nothing_to_learn_from_is_refused_with_the_reason(train, recorded, tmp_path):
-    (tmp_path / "empty").mkdir()
-    with pytest.raises(BagError, match="empty"):
-        train(tmp_path / "empty")
-    content = make_dofs(*DOFS.observed, GLOVE).to_dict()
-    (recorded / "glove.yaml").write_text(yaml.safe_dump(content))
-    with pytest.raises(BagError, match="glove/joint_states"):
-        train(recorded / "bags", dofs="glove.yaml")
-    with pytest.raises(TrainingError, match="two"):
-        train(recorded / "bags" / "demo_00")
-
-
 def test_a_forgotten_dof_file_is_named(run_command, tmp_path):
     with BagWriter(tmp_path / "demos" / "one", {"task": "give"}) as writer:
         writer.write_message("mocap/glove/pose", POSE, pose(0), START_NS)
@@ -120,21 +107,11 @@ def first(recorded):
 
 
 @pytest.mark.slow
-def test_added_bags_are_as_good_as_learned_anew(train_more, first, recorded):
-    before, trained = load_trained(first)
+def test_bags_are_added_and_the_settings_kept(train_more, first):
+    """That it is as good as learned anew: test_training_stream.py."""
     path, text = train_more("more.npz", (5, 6, 7), "--add", first)
     more = load_model(path).library
     assert "learned from 8 demonstrations" in text
-    parts = [recorded / "bags" / f"demo_{k:02d}" for k in range(8)]
-    every = accumulate_bags(
-        parts, before.dofs, trained.preprocessing.settings, preprocessing=trained.preprocessing
-    )
-    expected = library_from_statistics(
-        every.accumulated.tasks, trained.preprocessing, trained.chosen
-    )
-    np.testing.assert_allclose(more.weight_mean, expected.weight_mean, atol=1e-10)
-    np.testing.assert_allclose(more.weight_covariance, expected.weight_covariance, atol=1e-10)
-    np.testing.assert_allclose(more.noise_variance, expected.noise_variance, rtol=1e-10)
     assert more.n_demonstrations.tolist() == [4, 4]
     assert more.provenance["bags"] == [f"demo_{k:02d}" for k in range(8)]
     assert load_model(first).library.n_demonstrations.sum() == 5
@@ -226,5 +203,3 @@ def test_sessions_without_a_task_of_the_model_are_refused(recorded, tmp_path):
         with_sessions(model, [tmp_path / "other"], Console())
     with pytest.raises(BagError, match="without labels"):
         with_sessions(model, [recorded / "bags"], Console())
-    with pytest.raises(BagError):
-        with_sessions(model, [tmp_path / "elsewhere"], Console())
