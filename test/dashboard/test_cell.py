@@ -92,12 +92,6 @@ def test_joint_states_may_come_in_parts():
     assert (state.joints_at_s(["a", "b"]), state.joints_at_s(["b"])) == (5.0, 6.0)
 
 
-def test_silence_is_told_after_three_seconds():
-    health = NodeHealth(0, "running", {}, 10.0)
-    assert health.silent_s(12.0) == 0.0
-    assert health.silent_s(15.0) == 5.0
-
-
 def test_somebody_is_asked_once_a_question_has_stood_for_a_while():
     state = CellState()
     assert state.question(10.0) == ()

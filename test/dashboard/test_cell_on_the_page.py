@@ -95,24 +95,18 @@ def test_a_task_of_the_model_keeps_its_colour_when_others_are_taught_and_undone(
 def test_a_path_is_drawn_while_a_known_task_leads(fed):
     person = fed.state.person
     person.drawn = PathMarkers(*np.ones((2, 6, 3)))
-    for probability in (0.9, 0.1):
+    for p in (0.9, 0.1):
         person.drawn_at_s = fed.now_s
-        chances = [probability, 1.0 - probability]
-        fed.hear(
-            "/intent/tasks", JointState(name=[PLATE, "none"], position=chances, velocity=[0.0, 0.0])
-        )
-        assert [shown(fed, name).visible for name in ("/predicted", "/tube", "/task")] == [
-            probability > 0.5
-        ] * 3
+        message = JointState(name=[PLATE, "none"], position=[p, 1.0 - p], velocity=[0.0, 0.0])
+        fed.hear("/intent/tasks", message)
+        assert {shown(fed, n).visible for n in ("/predicted", "/tube", "/task")} == {p > 0.5}
 
 
 def test_all_of_the_scene_is_drawn_and_the_figure_comes_with_the_wrist(fed):
     scene = load_scene("toolbox")
     for body in scene.bodies:
         np.testing.assert_allclose(shown(fed, f"/bodies/{body.name}").position, body.pose[:3, 3])
-    assert {"/furniture/table", "/furniture/stand"} <= set(
-        fed.page._server.scene._handle_from_node_name
-    )
+    assert shown(fed, "/furniture/table") and shown(fed, "/furniture/stand")
     assert not shown(fed, "/person").visible
     fed.hear("/mocap/wrist/pose", pose(WRIST))
     assert shown(fed, "/person").visible
