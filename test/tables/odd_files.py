@@ -94,6 +94,12 @@ def table(head, row, separator=","):
     return head + "\n" + "".join(separator.join(row(k)) + "\n" for k in range(ROWS))
 
 
+def csv_of(head, *columns, end=""):
+    """Arrays (T,) or (T, d) side by side below a head, if there is one."""
+    rows = [",".join(f"{cell:.9f}" for cell in row) for row in np.column_stack(columns)]
+    return "\n".join([*filter(None, [head]), *rows, end])
+
+
 def day_time(seconds):
     return f"{seconds // 3600 % 24:02.0f}:{seconds // 60 % 60:02.0f}:{seconds % 60:06.3f}"
 

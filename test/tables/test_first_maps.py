@@ -8,7 +8,7 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 from tables.imports import suggested
-from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, cells, plain, table
+from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, cells, csv_of, plain, table
 
 from intent_recognition.tables import import_demonstrations, suggest_map
 from intent_recognition.tables.import_map import ImportMap
@@ -57,10 +57,8 @@ LOST = np.roll(QUATERNIONS, 1, 1) * (np.arange(ROWS) % 9 > 2)[:, None]
 
 
 def listed(head, *more, end=""):
-    """A CSV of times, the wrist [m], and further columns; a head without names has none."""
-    columns = np.column_stack([TIMES_S, WRIST, *more])
-    rows = [",".join(f"{cell:.9f}" for cell in row) for row in columns]
-    return "\n".join([*filter(None, [head]), *rows, end])
+    """A CSV of times, the wrist [m], and further columns."""
+    return csv_of(head, TIMES_S, WRIST, *more, end=end)
 
 
 def matrices():
@@ -68,13 +66,7 @@ def matrices():
     poses = np.tile(np.eye(4), (ROWS, 1, 1))
     poses[:, :3, :3], poses[:, :3, 3] = TURNS.as_matrix(), WRIST
     head = ",".join(["t", *(f"m{i}{k}" for i in range(4) for k in range(4))])
-    rows = np.column_stack([TIMES_S, poses.reshape(-1, 16)]).tolist()
-    return "\n".join([head, *(",".join(map(str, row)) for row in rows)])
-
-
-def with_units(row):
-    """A unit of its own for each axis."""
-    return [f"{TIMES_S[row]}", *cells(row, "{:.9f}", 1e-3)[:2], f"{PLACE[row, 2]:.9f}"]
+    return csv_of(head, TIMES_S, poses.reshape(-1, 16))
 
 
 def of_frames(head, form):
@@ -112,7 +104,7 @@ NDI = "Number of frames: 200\nFrequency: 100 Hz\nUnits: mm\nFrame,w x,w y,w z"
         ("a.csv", listed(",w,,,cup,,\ntime,x,y,z,x,y,z\ns,m,m,m,m,m,m", WRIST + 1)),
         ("a.csv", listed("t,x,y,z", end="Note: dark,,,\nBy Ann,,,\n,,,\n")),
         ("a.csv", listed("t,x,y,z", end="\nMean,1,2,3\nSD,1,2,3\n")),
-        ("a.csv", table("t,x_m,y_m,z_mm", with_units)),
+        ("a.csv", csv_of("t,x_m,y_m,z_mm", TIMES_S, WRIST * [1, 1, 1000])),
     ],
 )
 def test_the_wrist_of_an_exported_file_is_suggested(name, content, tmp_path):
@@ -164,11 +156,8 @@ def test_what_is_commanded_has_another_word_than_those_of_commands():
 
 def test_columns_that_are_never_there_together_are_no_quaternion(tmp_path):
     """Topics at times of their own, as PlotJuggler writes them."""
-    rows = [
-        f"{t},{q},{q},{q},,\n{t + 0.005},,,,{q},{q}"
-        for t, q in zip(TIMES_S, SHARE[:, 0], strict=True)
-    ]
-    (tmp_path / "a.csv").write_text("\n".join(["t,x,y,z,q1,q2", *rows]))
+    rows = (f"{t},{q},{q},{q},,\n{t + 0.005},,,,{q},{q}\n" for t, q in zip(TIMES_S, SHARE[:, 0]))
+    (tmp_path / "a.csv").write_text("t,x,y,z,q1,q2\n" + "".join(rows))
     assert "joints: [q1, q2]" in suggest_map(tmp_path / "a.csv")
 
 
@@ -222,14 +211,10 @@ def test_how_sure_landmarks_are_is_no_place_and_no_joint(array, axes, tmp_path):
 @pytest.mark.parametrize(
     ("shape", "is_transposed"),
     [
-        ((4, 4), False),
-        ((4, 4), True),
-        ((16,), False),
-        ((16,), True),
-        ((3, 4), False),
+        ((4, 4), False), ((4, 4), True), ((16,), False), ((16,), True), ((3, 4), False),
         ((12,), False),
     ],
-)
+)  # fmt: skip
 def test_matrices_of_poses_are_known_however_they_lie(shape, is_transposed, tmp_path):
     matrices = np.tile(np.eye(4), (ROWS, 1, 1))
     matrices[:, :3, :3], matrices[:, :3, 3] = TURNS.as_matrix(), WRIST

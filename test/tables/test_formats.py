@@ -39,10 +39,8 @@ from intent_recognition.tables.times import SINCE_NS
 
 
 def imported(path, columns, more=None, **keys):
-    mapping = ImportMap.from_dict(
-        {"observed": [entry(columns, **keys)], "task": "t", **(more or {})}
-    )
-    return list(import_demonstrations(path, mapping))
+    made = ImportMap.from_dict({"observed": [entry(columns, **keys)], "task": "t", **(more or {})})
+    return list(import_demonstrations(path, made))
 
 
 def c3d_of(folder, points, **options):

@@ -28,12 +28,9 @@ WRIST = {
     "columns": ["x", "y", "z"],
 }
 ARM = {
-    "topic": "/joint_states",
-    "type": "sensor_msgs/msg/JointState",
-    "joints": ["elbow", "tool"],
-    "unit": "rad",
-    "columns": ["q0", "q1"],
-}
+    "topic": "/joint_states", "type": "sensor_msgs/msg/JointState", "joints": ["elbow", "tool"],
+    "unit": "rad", "columns": ["q0", "q1"],
+}  # fmt: skip
 MAP = {"observed": [WRIST], "controlled": [ARM], "time": {"column": "t"}, "task": "give"}
 
 
@@ -77,35 +74,12 @@ def check_rows(demonstration, table, rows=slice(None)):
         assert np.array_equal(signal.stamps_ns, stamps[seen])
 
 
-def test_a_csv_to_the_last_bit(values, tmp_path):
-    (found,) = imported(write_csv(tmp_path / "reach.csv", values), tmp_path, MAP)
-    check_rows(found, values)
-    assert (found.name, found.task, found.metadata) == (
-        "reach",
-        "give",
-        {"imported_from": "reach.csv"},
-    )
-    assert found.observed[0].stamps_ns.size == 10
-
-
 def test_poses_with_y_up_are_turned_into_the_world(values, tmp_path):
     y_up = {"frame": "motive", "extrinsics": [f"motive 0 0 1 {0.5**0.5} 0 0 {0.5**0.5}"]}
     (found,) = imported(write_csv(tmp_path / "a.csv", values), tmp_path, MAP | y_up)
     wanted = np.column_stack([values["x"], -values["z"], values["y"] + 1.0])
     seen = np.isfinite(values["y"])
     np.testing.assert_allclose(found.observed[0].values, wanted[seen], atol=1e-12)
-
-
-def test_an_npz_with_its_own_times_and_arrays_of_columns(values, tmp_path):
-    wrist = np.column_stack([values[a] for a in "xyz"])
-    q = np.column_stack([values["q0"], values["q1"]])
-    np.savez(tmp_path / "a.npz", wrist=wrist, q=q[::2], t=values["t"], tq=values["t"][::2])
-    columns = {"columns": [f"wrist.{k}" for k in range(3)]}
-    arm = {"columns": ["q.0", "q.1"], "time": {"column": "tq"}}
-    content = MAP | {"observed": [WRIST | columns], "controlled": [ARM | arm]}
-    (found,) = imported(tmp_path / "a.npz", tmp_path, content)
-    assert np.array_equal(found.controlled[0].values, q[::2])
-    assert np.array_equal(found.observed[0].values, wrist[np.isfinite(values["y"])])
 
 
 def test_joints_that_are_missing_are_left_out_of_the_message(values, tmp_path):
@@ -378,12 +352,8 @@ def test_the_cure_is_said_once_where_nothing_can_be_imported(tmp_path, capsys):
     paths = [str(tmp_path / name) for name in ("set", "map.yaml", "bags")]
     assert main(["import", paths[0], "--map", paths[1], "--output", paths[2]]) == 1
     said = capsys.readouterr().err
-    assert (
-        "a_0.csv: expected the columns of the map, z, q0, q1 among them, got t, x, y (and 4" in said
-    )
-    assert said.endswith(
-        " more alike). Correct the names in the map; --suggest writes one that has them.\n"
-    )
+    assert "columns of the map, z, q0, q1 among them, got t, x, y (and 4" in said
+    assert said.endswith("Correct the names in the map; --suggest writes one that has them.\n")
 
 
 def test_an_empty_folder_and_a_taken_one(values, tmp_path, capsys):

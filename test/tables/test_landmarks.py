@@ -112,9 +112,7 @@ def numbered(row):
 
 SEEN = [k for k in range(ROWS) if not 60 <= k < 80]
 NUMBERED = {
-    "of COCO": numbered(
-        lambda k, place: {"image_id": f"{k:04d}.jpg", "keypoints": [*place[:2], 0.9] * 17}
-    ),
+    "of COCO": numbered(lambda k, p: {"image_id": f"{k:04d}.jpg", "keypoints": [*p[:2], 0.9] * 17}),
     "of MediaPipe": numbered(lambda k, _: {"frame": 7 + k, "worldLandmarks": [landmarks(k)]}),
     "of OpenPose": {"fps": "100/1", "frames": numbered(
         lambda k, place: {"frame_id": k, "people": [{"pose_keypoints_3d": [*place, 0.9] * 25}]}
@@ -184,10 +182,7 @@ OF_WRIST = {
     ),
     "lists beside events": ({**COLUMNS, "events": [{"t": 0.5, "what": "grasp"}]}, [*"xyz"]),
     "lists beside settings": ({**COLUMNS, "set": {"lut": [0] * 999, "of": [{"a": 1}]}}, [*"xyz"]),
-    "lists in a mapping": (
-        {"made": {"by": "me"}, "data": COLUMNS},
-        ["data.x", "data.y", "data.z", "data.t"],
-    ),
+    "in a mapping": ({"made": {"a": 1}, "data": COLUMNS}, ["data.x", "data.y", "data.z", "data.t"]),
     "as pandas numbers them": ({k: dict(enumerate(v)) for k, v in COLUMNS.items()}, [*"xyz"]),
     "split by pandas": ({"columns": [*"zyx"], "index": AT, "data": FLIPPED}, [*"xyz", "index"]),
     "columns of pandas": (
@@ -200,18 +195,9 @@ OF_WRIST = {
         {"t0": AT, **{f"q{k}": BY_AXIS[axis] for k, axis in enumerate("xyz")}},
         ["q0", "q1", "q2", "t0"],
     ),
-    "lists of places": (
-        {"t": AT, "p": [[[0.0] * 3, place] for place in PLACES]},
-        ["p.1.x", "p.1.y", "p.1.z"],
-    ),
-    "rows beside longer lists of texts": (
-        {"by": ["ann"] * 300, "rows": timed("w", ROWS_OF)},
-        ["w.x", "w.y", "w.z"],
-    ),
-    "people by their ids": (
-        timed("people", of_bodies("id", 1, 2)),
-        [f"people.2.at.{k}" for k in range(3)],
-    ),
+    "places": ({"t": AT, "p": [[[0.0] * 3, p] for p in PLACES]}, ["p.1.x", "p.1.y", "p.1.z"]),
+    "rows beside texts": ({"by": ["a"] * 300, "rows": timed("w", ROWS_OF)}, ["w.x", "w.y", "w.z"]),
+    "by id": (timed("people", of_bodies("id", 1, 2)), [f"people.2.at.{k}" for k in range(3)]),
     **{
         f"rows of each {key}": (
             [
@@ -250,12 +236,10 @@ LISTS = {"label": "reach", "demonstration": "good", "time": AT, "wrist": PLACES}
 @pytest.mark.parametrize(
     "content",
     [
-        [LISTS, LISTS],
-        {"trials": [LISTS, LISTS]},
-        {"trial_1": LISTS, "trial_2": LISTS},
+        [LISTS, LISTS], {"trials": [LISTS, LISTS]}, {"trial_1": LISTS, "trial_2": LISTS},
         {"demos": [timed("wrist", ROWS_OF)] * 2},
     ],
-)
+)  # fmt: skip
 def test_demonstrations_in_json_are_cut(content, tmp_path):
     (tmp_path / "a.json").write_text(json.dumps(content))
     _, text, found = suggested(tmp_path / "a.json")
@@ -292,13 +276,9 @@ def test_landmarks_of_an_image_however_they_are_listed(kind, tmp_path):
 @pytest.mark.parametrize(
     "content",
     [
-        "null",
-        "3",
-        "[[]]",
-        '[{"people": 3}]',
-        '{"fps": "a", "frames": [[[0, 0]]]}',
+        "null", "3", "[[]]", '[{"people": 3}]', '{"fps": "a", "frames": [[[0, 0]]]}',
         json.dumps([landmarks(0, "abc")]),
     ],
-)
+)  # fmt: skip
 def test_json_of_something_else_is_refused(content, tmp_path):
     assert imported(tmp_path, "a.json", content, time={"rate": 100})[0] is None

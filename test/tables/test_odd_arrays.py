@@ -132,11 +132,9 @@ def test_arrays_of_mat_have_their_axes_in_matlabs_order(version, tmp_path):
         with pytest.importorskip("h5py").File(path, "a") as file:
             file["z/n"], file["z/of"] = np.arange(3), np.arange(4)
     assert open_table(path).names == (
-        *(f"q.{k}" for k in range(30)),
-        "t",
-        *WHERE,
+        *(f"q.{k}" for k in range(30)), "t", *WHERE,
         *(("z.n", "z.of") if version == 7.3 else ()),
-    )
+    )  # fmt: skip
     samples, _ = imported(tmp_path, "a.mat", None, WHERE[3:], time={"column": "t"})
     np.testing.assert_array_equal(samples.values, places[:, 1])
 
@@ -307,11 +305,7 @@ def test_samples_along_the_last_of_three_axes_are_named(tmp_path):
 ON_END = {
     "one array each": ("w", {f"w_{k}": PLACE[k:] / 1000 for k in range(3)}, 3),
     "two of one name": ("demo", {f"demo_{k}": PLACE / 1000 for k in range(2)}, 2),
-    "numbers inside, times of all": (
-        "trial_w",
-        {"t": TIMES_S} | {f"trial_{k}_w": PLACE / 1000 for k in range(2)},
-        2,
-    ),
+    "inside": ("trial_w", {"t": TIMES_S} | {f"trial_{k}_w": PLACE / 1000 for k in range(2)}, 2),
     "several each": (
         "w",
         {f"t{k}": TIMES_S[k:] for k in range(3)} | {f"w{k}": PLACE[k:] / 1000 for k in range(3)},

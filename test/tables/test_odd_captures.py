@@ -162,9 +162,7 @@ def test_rates_with_decimal_commas_and_none(rate, period, tmp_path):
 
 
 def test_a_label_above_each_axis_is_of_one_marker(tmp_path):
-    text = (
-        trc(tmp_path).read_text().replace("LWR\t\t\tRWR\t\t", "\t".join(["LWR"] * 3 + ["RWR"] * 3))
-    )
+    text = trc(tmp_path).read_text().replace("LWR\t\t\tRWR\t\t", "LWR\tLWR\tLWR\tRWR\tRWR\tRWR")
     samples, said = imported(tmp_path, "b.trc", text, ["RWR.x", "RWR.y", "RWR.z"])
     assert not said
     np.testing.assert_allclose(samples.values, EXPORTED / 1000)

@@ -33,9 +33,7 @@ PLAIN = {
     "a row of units": plain(scale=10.0, head="t,x,y,z\ns,mm,mm,mm"),
     "comments": "# by me\n# on monday\n" + plain(scale=10.0),
     "a name behind a mark": plain(scale=10.0, head="# t,x,y,z"),
-    "names with blanks between them behind a mark": plain(
-        scale=10.0, separator=" ", head="# t,x,y,z"
-    ),
+    "names between blanks behind a mark": plain(scale=10.0, separator=" ", head="# t,x,y,z"),
     "a comment and a name behind another mark": "% by me\n"
     + plain(scale=10.0, separator=" ", head="% t,x,y,z"),
     "a comment and a name behind a mark": "# by me\n" + plain(scale=10.0, head="# t,x,y,z"),
@@ -51,26 +49,17 @@ PLAIN = {
     **{
         f"dates as {form}": plain(scale=10.0, at=lambda t, form=form: dated(t, form))
         for form in (
-            "%d.%m.%Y %H:%M:%S.{}",
-            "%m/%d/%Y %I:%M:%S.{} %p",
-            "%Y/%m/%d %H:%M:%S.{}",
-            "%Y%m%dT%H%M%S.{}",
-            "%Y-%m-%d %I.%M.%S.{} %p",
-            "%Y-%m-%dT%H:%M:%S.{}+0100",
-            "%Y-%m-%d %H:%M:%S.{} UTC",
-            "%I:%M:%S.{} %p",
-            "%M:%S.{}",
-            "%H:%M:%S:{}",
-            "%d-%b-%Y %H:%M:%S.{}",
-            "1 day %H:%M:%S.{}",
+            "%d.%m.%Y %H:%M:%S.{}", "%m/%d/%Y %I:%M:%S.{} %p", "%Y/%m/%d %H:%M:%S.{}",
+            "%Y%m%dT%H%M%S.{}", "%Y-%m-%d %I.%M.%S.{} %p", "%Y-%m-%dT%H:%M:%S.{}+0100",
+            "%Y-%m-%d %H:%M:%S.{} UTC", "%I:%M:%S.{} %p", "%M:%S.{}", "%H:%M:%S:{}",
+            "%d-%b-%Y %H:%M:%S.{}", "1 day %H:%M:%S.{}",
         )
     },
     "dates over the midnight after which the day must come first": plain(
         scale=10.0, at=lambda t: dated(t, "%d/%m/%Y %H:%M:%S.{}", datetime(2024, 1, 12, 23, 59, 59))
     ),
     "many rows with texts below a blank line": table(
-        "phase,t,x,y,z",
-        lambda k: ["1" if k < 90 else "b", f"{TIMES_S[k]}", *cells(k, scale=10.0)],
+        "phase,t,x,y,z", lambda k: ["1" if k < 90 else "b", f"{TIMES_S[k]}", *cells(k, scale=10.0)]
     ).replace("\nb", "\n\nb", 1),
     "times in sec": plain(scale=10.0, at="{} sec".format),
     "times in min": plain(scale=10.0, at=lambda t: f"{t / 60:.12g} min"),
@@ -78,7 +67,7 @@ PLAIN = {
     "dates with decimal commas": plain(
         scale=10.0, separator=";", at=lambda t: f"2024-01-31 {day_time(t)}"
     ).replace(".", ","),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", PLAIN)
@@ -122,10 +111,7 @@ def test_two_short_rows_whose_times_go_on_are_no_broken_one(first, late_ns, tmp_
 
 
 HEADS = {
-    "a key and its value on each line": (
-        "sep=,\nDeviceTag:,D1\nOutputRate:,100Hz\n\n",
-        "t,x,y,z,in",
-    ),
+    "a key and value on each line": ("sep=,\nDeviceTag:,D1\nOutputRate:,100Hz\n\n", "t,x,y,z,in"),
     "texts in rows without names": ("", ""),
     "columns that are counted, as by pandas": ("", "0,1,2,3,4"),
 }
@@ -219,10 +205,7 @@ REFUSED = {
         "4 cells, one for each name, got 5 in row 1",
     ),
     "decimal commas between commas": (plain().replace(".", ","), "got 8 in row 1"),
-    "rows in reverse": (
-        table("t,x,y,z", lambda k: [f"{TIMES_S[~k]}", *cells(~k)]),
-        "times decrease from row to row",
-    ),
+    "in reverse": (table("t,x,y,z", lambda k: [f"{TIMES_S[~k]}", *cells(~k)]), "times decrease"),
     "one time": (plain(at=lambda t: "1.0"), "all rows have the same time"),
     "times without digits": (plain(at=lambda t: f"{1706410000 + t:.6g}"), "all rows have the same"),
     "blank times": (plain(at=lambda t: ""), "no row has a time"),
@@ -233,8 +216,7 @@ REFUSED = {
     "another kind of file": ("PK\3\4\0\0\0\1" * 20, "bytes that are no text"),
     "dates of which no order is possible": (
         table(
-            "t,x,y,z",
-            lambda k: [f"{'1/13' if k < ROWS - 1 else '13/1'}/2024 10:00:00", *cells(k)],
+            "t,x,y,z", lambda k: [f"{'1/13' if k < ROWS - 1 else '13/1'}/2024 10:00:00", *cells(k)]
         ),
         "got '1/13/2024 10:00:00' in row 1 beside '13/1/2024 10:00",
     ),

@@ -30,10 +30,7 @@ ROWS_OF = [dict(zip("xyz", row, strict=True)) for row in (PLACE / 1000).tolist()
 LAYOUTS = {
     "a struct": ({"w": ROWS_OF}, "w.{}"),
     "a list of structs": ({"w": [[{"p": row}] for row in ROWS_OF]}, "w.0.p.{}"),
-    "levels of pandas": (
-        {f"('w', '{axis}')": PLACE[:, k] / 1000 for k, axis in enumerate("xyz")},
-        "w.{}",
-    ),
+    "levels": ({f"('w', '{axis}')": PLACE[:, k] / 1000 for k, axis in enumerate("xyz")}, "w.{}"),
     "bodies by name": ({"in": of_bodies("name", "cup", "wrist")}, "in.wrist.at.{}"),
     "bodies by id": ({"in": of_bodies("id", 7, 5)}, "in.5.at.{}"),
 }

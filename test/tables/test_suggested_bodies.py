@@ -6,7 +6,7 @@ import pytest
 import yaml
 from bag_builder import JOINTS, START_NS
 from tables.imports import suggested, suggested_csv
-from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, cells, plain, table
+from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, cells, csv_of, table
 
 from intent_recognition.bags import POSE, BagReader, BagWriter
 from intent_recognition.demonstrations import extract
@@ -147,21 +147,16 @@ def test_the_person_is_observed_though_the_robot_comes_first(tmp_path):
     with BagWriter(tmp_path / "q_00", flush_period_s=None) as writer:
         writer.write_message("/joint_states", JOINTS, states, START_NS)
     assert "# Note: no places were found, only joints." in suggest_map(tmp_path / "q_00")
-    content = plain(head="t,tcp_x,tcp_y,tcp_z").replace("\n", ",wrist_x,wrist_y,wrist_z\n", 1)
-    head, *rows = content.splitlines()
-    rows = [",".join([row, *row.split(",")[1:4]]) for row in rows]
-    of_table, *_ = suggested_csv(tmp_path, "\n".join([head, *rows]) + "\n")
+    head = "t,tcp_x,tcp_y,tcp_z,wrist_x,wrist_y,wrist_z"
+    of_table, *_ = suggested_csv(tmp_path, csv_of(head, TIMES_S, PLACE, PLACE))
     for content in (of_bag, of_table):
         assert [one["topic"] for one in content["observed"]] == ["/mocap/wrist/pose"]
         assert len(content["controlled"]) == (2 if content is of_bag else 1)
 
 
 def test_bodies_of_one_name_have_topics_of_their_own(tmp_path):
-    content = plain(head="t,obs.x,obs.y,obs.z").replace("\n", ",1,2,3\n")
-    _, *rest = content.splitlines()
-    rows = [",".join([*row.split(",")[:4], *row.split(",")[1:4]]) for row in rest]
     names = "t,obs.x,obs.y,obs.z,pose.x,pose.y,pose.z"
-    content, *_ = suggested_csv(tmp_path, "\n".join([names, *rows]) + "\n")
+    content, *_ = suggested_csv(tmp_path, csv_of(names, TIMES_S, PLACE, PLACE))
     assert content["observed"][0]["topic"] == "/mocap/wrist/pose"
     assert content["controlled"][0]["topic"] == "/mocap/wrist_2/pose"
 
@@ -170,12 +165,10 @@ def test_angles_of_bodies_are_named_with_their_bodies(tmp_path):
     """QTM writes a residual and a matrix for each, which are no angles of joints."""
     axes = "X\tY\tZ\tRoll\tPitch\tYaw\tResidual\t" + "\t".join(f"Rot[{k}]" for k in range(9))
     head = f"NO_OF_FRAMES\t{ROWS}\nFREQUENCY\t100\nBODY_NAMES\tcup\twrist\ncup {axes}\twrist {axes}"
-    angles = ["10", "5", "3"]
-    one = [[*cells(k), *angles, str(k / 1e3), *[f"{k / 1e4}"] * 9] for k in range(ROWS)]
-    for k in range(ROWS):
-        one[k][5] = str(k / 10)
+    rows = np.arange(ROWS)[:, None]
+    angles = np.hstack([0 * rows + [10, 5], rows / 10, rows / 1e3, rows / ([1e4] * 9)])
     path = tmp_path / "a.tsv"
-    path.write_text(table(head, lambda k: one[k] * 2, "\t"))
+    path.write_text(csv_of(head, PLACE, angles, PLACE, angles).replace(",", "\t"))
     content, text, _ = suggested(path)
     assert not any("joints" in one for one in content["controlled"])
     assert "# Orientations: cup.Roll, cup.Pitch, cup.Yaw, cup.Rot[0]" in text
@@ -186,11 +179,8 @@ def test_angles_of_bodies_are_named_with_their_bodies(tmp_path):
 )
 def test_three_angles_beside_a_place_are_of_its_body(names, tmp_path):
     """Also FANUC's W, which makes no quaternion of its place."""
-
-    def row(k):
-        return [f"{TIMES_S[k]}", *cells(k), *[f"{10 + SHARE[k, 0] * n}" for n in (1, 2, 3)]]
-
-    content, text, _ = suggested_csv(tmp_path, table(",".join(("t", *names)), row))
+    head, angles = ",".join(["t", *names]), 10 + SHARE * [1, 2, 3]
+    content, text, _ = suggested_csv(tmp_path, csv_of(head, TIMES_S, PLACE, angles))
     assert [entry["columns"] for entry in content["observed"]] == [names[:3]]
     assert "controlled" not in content and f"# Orientations: {', '.join(names[3:])}" in text
 
@@ -198,11 +188,8 @@ def test_three_angles_beside_a_place_are_of_its_body(names, tmp_path):
 def test_places_are_known_by_their_units_and_as_parts_of_a_pose(tmp_path):
     """Of a robot's pose only its place; of a length that is no place nothing."""
     names = ["t_s", "x_m", "y_m", "z_m", *(f"tcp_pose_{k}" for k in range(6)), "gripper [mm]"]
-
-    def row(k):
-        return [f"{TIMES_S[k]}", *cells(k, scale=1e-3) * 3, f"{80 * SHARE[k, 0]}"]
-
-    content, text, _ = suggested_csv(tmp_path, table(",".join(names), row))
+    columns = TIMES_S, *[PLACE / 1000] * 3, 80 * SHARE
+    content, text, _ = suggested_csv(tmp_path, csv_of(",".join(names), *columns))
     entries = content["observed"] + content["controlled"]
     assert [entry["columns"] for entry in entries] == [names[1:4], names[4:7]]
     assert "# They move, and are no positions: gripper [mm]" in text
@@ -211,11 +198,7 @@ def test_places_are_known_by_their_units_and_as_parts_of_a_pose(tmp_path):
 @pytest.mark.parametrize("unit", ["_m", ""])
 def test_metres_beside_a_body_in_millimetres_are_no_millimetres(unit, tmp_path):
     names = [f"hand_{axis}_mm" for axis in "xyz"] + [f"tcp_{axis}{unit}" for axis in "xyz"]
-
-    def row(k):
-        return [f"{TIMES_S[k]}", *cells(k), *cells(k, scale=1e-3)]
-
-    rows = table(",".join(["t", *names]), row)
+    rows = csv_of(",".join(["t", *names]), TIMES_S, PLACE, PLACE / 1000)
     _, _, (found,) = suggested_csv(tmp_path, rows)
     for samples in found.samples:
         np.testing.assert_allclose(samples.values, PLACE / 1000, atol=1e-6)
@@ -262,10 +245,8 @@ def test_landmarks_of_an_image_are_places_of_two_axes_and_a_likelihood_is_no_joi
     ],
 )
 def test_a_place_is_told_from_a_rotation_a_speed_and_a_command(head, place, tmp_path):
-    def row(k):
-        return [f"{TIMES_S[k]}", *cells(k, scale=1e-3) * 2, "0.5"][: head.count(",") + 1]
-
-    content, *_ = suggested_csv(tmp_path, table(head, row))
+    columns = np.column_stack([TIMES_S, PLACE / 1000, PLACE / 1000, 0.5 + 0.0 * TIMES_S])
+    content, *_ = suggested_csv(tmp_path, csv_of(head, columns[:, : head.count(",") + 1]))
     entries = content["observed"] + content.get("controlled", [])
     (body,) = [entry for entry in entries if "PoseStamped" in entry["type"]]
     assert body["columns"][0].startswith(place) and "_p/" not in body["topic"]

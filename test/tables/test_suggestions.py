@@ -11,7 +11,7 @@ import yaml
 from bag_builder import write_ros1
 from tables.exported_files import lerobot
 from tables.imports import suggested, suggested_csv
-from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, cells, day_time, h5, plain, table
+from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, cells, csv_of, day_time, h5, plain, table
 
 from intent_recognition.errors import BagError
 from intent_recognition.signals import Rejection
@@ -25,16 +25,10 @@ def test_a_suggestion_knows_joints_from_clocks(tmp_path):
         "obs.joint_pos_cos.0", "states.0", "cube_positions.0", "eef_quat.0", "id", "success_rate",
         "O_F_ext_hat_K0", "ExtTrq1", "ee_ori.0", "ee_states.3", "robot_states.0", "poses.9",
     ]  # fmt: skip
-    head = ",".join(["__time", "/js/panda_joint1/position", *others])
-
-    def row(k):
-        moving = [f"{k}.5", f"{k % 7}.2", f"{k / 2}", *[f"{SHARE[k, 0] / 2}"] * 13]
-        return [f"{TIMES_S[k] + 1.7e9:.3f}", f"{SHARE[k, 0]}", *moving]
-
-    content = table(head, row)
-    (tmp_path / "a.csv").write_text(content)
-    text = suggest_map(tmp_path / "a.csv")
-    (entry,) = yaml.safe_load(text)["observed"]
+    head, n = ",".join(["__time", "/js/panda_joint1/position", *others]), np.arange(ROWS)
+    columns = TIMES_S + 1.7e9, SHARE, n + 0.5, n % 7 + 0.2, n / 2, *[SHARE / 2] * 13
+    content, text, _ = suggested_csv(tmp_path, csv_of(head, *columns))
+    (entry,) = content["observed"]
     assert entry["joints"] == ["panda_joint1"] and "columns_unit" not in entry
     assert f"# They move, and are no positions: {', '.join(others[:12])}, and 4 more" in text
 
@@ -52,10 +46,8 @@ def test_a_suggestion_knows_joints_from_clocks(tmp_path):
     ],
 )
 def test_joints_are_not_called_by_a_unit_that_is_converted(columns, joints, tmp_path):
-    def row(k):
-        return [f"{TIMES_S[k]}", f"{SHARE[k, 0]}", f"{1.0 - SHARE[k, 0]}"]
-
-    content, *_ = suggested_csv(tmp_path, table(",".join(("t", *columns)), row))
+    head = ",".join(("t", *columns))
+    content, *_ = suggested_csv(tmp_path, csv_of(head, TIMES_S, SHARE, 1.0 - SHARE))
     assert content["observed"][0]["joints"] == joints
     assert content["observed"][0]["columns"] == list(columns)
 
@@ -94,11 +86,8 @@ def test_what_qtm_computed_is_named(tmp_path):
 
 
 def test_a_quaternion_with_its_axes_first_is_no_place(tmp_path):
-    def row(k):
-        half = SHARE[k, 0]
-        return [f"{TIMES_S[k]}", f"{np.cos(half)}", f"{np.sin(half)}", f"{0.0}", f"{0.0}"]
-
-    (tmp_path / "a.csv").write_text(table("t,W Part,X Part,Y Part,Z Part", row))
+    columns = TIMES_S, np.cos(SHARE), np.sin(SHARE), 0.0 * SHARE, 0.0 * SHARE
+    (tmp_path / "a.csv").write_text(csv_of("t,W Part,X Part,Y Part,Z Part", *columns))
     with pytest.raises(BagError, match="Orientations: W Part, X Part"):
         suggest_map(tmp_path / "a.csv")
 
@@ -107,24 +96,21 @@ def test_a_quaternion_with_its_axes_first_is_no_place(tmp_path):
     ("shift", "last"), [(0.0, "wrist_visibility"), (-0.3, "wrist_visibility"), (0.0, "visible")]
 )
 def test_landmarks_that_are_shares_of_an_image_are_named(shift, last, tmp_path):
-    def row(k):
-        return [f"{TIMES_S[k]}", f"{shift + SHARE[k, 0]}", "0.5", f"{-SHARE[k, 0]}", "0.9"]
-
-    text = table(f"t,wrist_x,wrist_y,wrist_z,{last}", row)
+    columns = TIMES_S, shift + SHARE, 0.5 + 0.0 * SHARE, -SHARE, 0.9 + 0.0 * SHARE
+    text = csv_of(f"t,wrist_x,wrist_y,wrist_z,{last}", *columns)
     _, said, _ = suggested_csv(tmp_path, text)
     assert ("places in the image" in said) == (shift == 0.0 and last != "visible")
 
 
 def test_a_box_in_an_image_is_a_place(tmp_path):
-    text = table("t,x1,y1,w1", lambda k: [f"{TIMES_S[k]}", *cells(k)])
+    text = csv_of("t,x1,y1,w1", TIMES_S, PLACE)
     content, *_ = suggested_csv(tmp_path, text)
     assert content["observed"][0]["columns"] == ["x1", "y1"]
 
 
 def test_delimiters_in_names_separate_no_cells(tmp_path):
     head = "t,Roll | Phi | X (deg),Pitch | Theta | Y (deg)"
-    text = table(head, lambda k: [f"{TIMES_S[k]}", f"{SHARE[k, 0]}", f"{SHARE[k, 0]}"])
-    content, *_ = suggested_csv(tmp_path, text)
+    content, *_ = suggested_csv(tmp_path, csv_of(head, TIMES_S, SHARE, SHARE))
     assert content["observed"][0]["joints"] == ["Roll_Phi_X", "Pitch_Theta_Y"]
 
 
@@ -145,10 +131,9 @@ UR = ["base", "shoulder", "elbow", "wrist_1", "wrist_2", "wrist_3"]
     ],
 )
 def test_joints_are_those_that_were_measured_in_one_entry(head, joints, tmp_path):
-    values = [f"{0.2 + k * s:.6f}" for k in range(1, 8) for s in SHARE[:, 0]]
-    columns = [values[k * ROWS : (k + 1) * ROWS] for k in range(head.count(",") or 6)]
+    values = 0.2 + SHARE * np.arange(1, 1 + (head.count(",") or 6))
     times = [f"{k / 100}" if head else f"7,{k}000000,base,a,b" for k in range(ROWS)]
-    lines = [",".join(row) for row in zip(times, *columns, strict=True)]
+    lines = [f"{t},{line}" for t, line in zip(times, csv_of("", values).splitlines(), strict=True)]
     content, *_ = suggested_csv(tmp_path, "\n".join([*filter(None, [head]), *lines]))
     assert [one["joints"] for one in content["observed"]] == [joints]
     assert "controlled" not in content and "columns_unit" not in content["observed"][0]
@@ -285,10 +270,7 @@ def test_a_suggested_map_reads_the_task_from_the_names(names, pattern, tmp_path)
     ("content", "said"),
     [
         (plain(head="t,x,x,x"), r"none but x, each twice\. Name columns by their numbers"),
-        (
-            plain(hidden=range(150, 160), cell="lost"),
-            r"angles that move, got none\..* got 'lost' in row 151",
-        ),
+        (plain(hidden=range(150, 160), cell="lost"), r"got none\..* got 'lost' in row 151"),
     ],
 )
 def test_why_nothing_is_suggested_is_named(content, said, tmp_path):
@@ -381,12 +363,10 @@ def test_what_is_measured_in_few_rows_is_seen_and_columns_that_are_twice_are_nam
 @pytest.mark.parametrize(
     ("rows", "head", "end"),
     [
-        (ROWS, "t,x,y,z", "wrist"),
-        (ROWS - 1, "t,a x,a y,a z", "wrist"),
-        (ROWS - 1, "t,x,y,z", "wrist"),
-        (ROWS, "t,x,y,z", "fast"),
+        (ROWS, "t,x,y,z", "wrist"), (ROWS - 1, "t,a x,a y,a z", "wrist"),
+        (ROWS - 1, "t,x,y,z", "wrist"), (ROWS, "t,x,y,z", "fast"),
     ],
-)
+)  # fmt: skip
 def test_files_with_one_number_are_of_one_recording(rows, head, end, tmp_path):
     """Those of other lengths and the same columns, or done otherwise, are tasks of a person."""
     for k in range(2):
@@ -414,7 +394,7 @@ def test_files_with_one_number_are_of_one_recording(rows, head, end, tmp_path):
 )
 def test_files_of_person_and_robot_are_of_one_recording(human, robot, tmp_path):
     """Unless most of their columns are the same, as those of two tasks are."""
-    arm = table("t,q1,q2", lambda k: [f"{TIMES_S[k]}", *[f"{SHARE[k, 0]}"] * 2])
+    arm = csv_of("t,q1,q2", TIMES_S, SHARE, SHARE)
     two = {"tasks/pour_{}.csv": plain(), "tasks/reach_{}.csv": plain().replace("x,y,z", "x,y,z,no"),
            "apart/human_{}.csv": plain(), "apart/robot_{}0.csv": arm,
            "robot/robot_gives_{}.csv": plain(), "robot/robot_takes_{}.csv": plain(),
@@ -505,10 +485,9 @@ def test_notes_and_other_files_beside_the_recordings_are_none(count, tmp_path):
 )
 def test_times_are_known_where_some_repeat_or_go_back(name, at, tmp_path):
     """Nor are they, or what counts rows from any number on, taken for joints."""
-    row = [f"{name},idx,x,y,z,vx,vy,vz"]
-    row += [",".join(map(str, [at(k), 70 + k, *cells(k, scale=1e-3), *SHARE[k], 1, k % 3]))
-            for k in range(len(TIMES_S))]  # fmt: skip
-    (tmp_path / "a.csv").write_text("\n".join(row))
+    rows = np.arange(ROWS)
+    columns = at(rows), 70 + rows, PLACE / 1000, SHARE, 1 + 0 * rows, rows % 3
+    (tmp_path / "a.csv").write_text(csv_of(f"{name},idx,x,y,z,vx,vy,vz", *columns))
     text = suggest_map(tmp_path / "a.csv")
     content = yaml.safe_load(text)
     assert content["time"]["column"] == name and "joints" not in text
