@@ -7,7 +7,6 @@ A room is a folder with an `__init__.py`, also each folder of `sim_bridge/scenar
 
 import ast
 import graphlib
-import importlib
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -228,21 +227,6 @@ def test_library_loads_nothing_heavy(without):
 
 def test_people_are_simulated_without_physics():
     assert loaded_after_importing(["sim_bridge.scenarios.assembly.session"]) == []
-
-
-def test_what_programs_beside_the_package_import_from_it_is_there():
-    missing = []
-    for path in (p for top in BESIDE for p in (ROOT / top).rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom) and node.module.split(".")[0] in BUILDINGS:
-                room = importlib.import_module(node.module)
-                missing += [
-                    f"{path.relative_to(ROOT)} imports {node.module} {alias.name}"
-                    for alias in node.names
-                    if not hasattr(room, alias.name)
-                    and f"{node.module}.{alias.name}" not in sources()
-                ]
-    assert missing == []
 
 
 def test_a_public_name_of_a_class_means_one_thing():
