@@ -99,20 +99,16 @@ def test_readme_installs_on_a_jazzy_machine_what_rosdep_does_not(manifest):
     (lines,) = re.findall(r"^pip install (\w[^#]*mcap[^#]*) +#", readme, re.MULTILINE)
     by_rosdep = {"numpy", "pyyaml", "scipy"}  # its matplotlib is too old
     assert {"python3-numpy", "python3-yaml", "python3-scipy"} <= keys
-    needed = required(["sim", "dashboard", "practice", "plots"]) - {
-        "msgspec",
-        "websockets",
-    }  # viser has them
+    of_viser = {"msgspec", "websockets"}
+    needed = required(["sim", "dashboard", "practice", "plots"]) - of_viser
     words = set(lines.replace("\\", "").replace('"matplotlib>=3.8"', "matplotlib").split())
     assert needed - by_rosdep == words - {'"numpy<2"'}  # what apt's SciPy takes
 
 
 KEYS = {
-    "rosbags": "python3-rosbags-pip",
-    "yaml": "python3-yaml",
-    "lazy_loader": "lazy-loader",
+    "rosbags": "python3-rosbags-pip", "yaml": "python3-yaml", "lazy_loader": "lazy-loader",
     "mcap_ros2": "mcap-ros2-support",
-}
+}  # fmt: skip
 
 
 def imported_packages():

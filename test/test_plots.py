@@ -63,12 +63,7 @@ def test_a_prediction_is_drawn_in_bands_of_two_standard_deviations(moving, libra
 def test_a_library_is_drawn_by_task_agent_and_unit(library):
     figure = library.plot()
     assert [axes.get_title() for axes in figure.axes] == ["far", "near", "", ""]
-    assert [axes.get_ylabel() for axes in figure.axes] == [
-        "observed [m]",
-        "",
-        "controlled [rad]",
-        "",
-    ]
+    assert [one.get_ylabel() for one in figure.axes] == ["observed [m]", "", "controlled [rad]", ""]
     assert figure.axes[0].get_ylim() == figure.axes[1].get_ylim()  # tasks can be compared
     far = figure.axes[0].lines[0].get_ydata()
     assert abs(far[-1] - 0.7) < 0.1

@@ -123,12 +123,9 @@ def test_figures_travel_inside_the_page():
 
 
 def test_writing_makes_the_folder_and_names_what_fails(tmp_path):
-    target = write_page(
-        tmp_path / "new" / "report.html", page(Paragraph("\N{GREEK SMALL LETTER SIGMA}"))
-    )
-    assert target.read_text(encoding="utf-8") == render(
-        page(Paragraph("\N{GREEK SMALL LETTER SIGMA}"))
-    )
+    shown = page(Paragraph("\N{GREEK SMALL LETTER SIGMA}"))
+    target = write_page(tmp_path / "new" / "report.html", shown)
+    assert target.read_text(encoding="utf-8") == render(shown)
     (tmp_path / "file").write_text("")
     with pytest.raises(ResourceBusyError, match="report"):
         write_page(tmp_path / "file" / "report.html", page())

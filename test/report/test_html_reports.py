@@ -11,10 +11,7 @@ import pytest
 from intent_recognition.evaluation.scoring import PREDICTION_NAMES
 from intent_recognition.evaluation.session_summary import InteractionRecord, summarise
 from intent_recognition.report import demo_page, drawing, fields_of
-from intent_recognition.report.evaluation_report import (
-    evaluation_page,
-    series,
-)
+from intent_recognition.report.evaluation_report import evaluation_page, series
 from intent_recognition.report.html import Figure, KeyNumbers, Row, TableBlock, render
 
 pytestmark = pytest.mark.usefixtures("laid_out_roughly")
@@ -42,24 +39,16 @@ def session():
         task = LABELS[index % 3]
         right = index != 5
         measured = {
-            "observations": 40 + index,
-            "decision_time_s": 0.4,
-            "decision_share": 0.02 * index + 0.2,
-            "hand_error_m": 0.01 + 0.001 * index,
+            "observations": 40 + index, "decision_time_s": 0.4,
+            "decision_share": 0.02 * index + 0.2, "hand_error_m": 0.01 + 0.001 * index,
             "arrival_s": 0.1 * index - 0.3,
-        }
+        }  # fmt: skip
         values = measured if right else dict.fromkeys(measured)
         recognised = task if right else "none"
         records.append(InteractionRecord(index, task, recognised, movement_s=1.5, **values))
         share = np.linspace(0.0, 1.0, 20)
-        traces.append(
-            {
-                "index": index,
-                "labels": LABELS,
-                "share": share,
-                "probabilities": rng.dirichlet(np.ones(4), 20),
-            }
-        )
+        p = rng.dirichlet(np.ones(4), 20)
+        traces.append({"index": index, "labels": LABELS, "share": share, "probabilities": p})
     return records, traces
 
 
@@ -150,10 +139,7 @@ def result(rng, unit="rad"):
             for phase in ("known_phase", "unknown_phase")
         },
         "prediction": {
-            phase: {
-                f: {name: one() for name in PREDICTION_NAMES}
-                for f in ("0.25", "0.5", "0.75", "1.0")
-            }
+            phase: {f: {n: one() for n in PREDICTION_NAMES} for f in ("0.25", "0.5", "0.75", "1.0")}
             for phase in ("known_phase", "unknown_phase")
         },
     }
@@ -166,12 +152,10 @@ def test_evaluation_tables_equal_the_json(rng, undrawn):
     for row, fraction in zip(tables[0].rows, content["recognition"]["known_phase"], strict=True):
         known, unknown = (content["recognition"][p][fraction] for p in content["recognition"])
         assert row == (
-            f"{100 * float(fraction):.0f}",
-            f"{100 * known['accuracy']:.1f}",
-            f"{known['log_loss']:.3f}",
-            f"{100 * unknown['accuracy']:.1f}",
+            f"{100 * float(fraction):.0f}", f"{100 * known['accuracy']:.1f}",
+            f"{known['log_loss']:.3f}", f"{100 * unknown['accuracy']:.1f}",
             f"{unknown['log_loss']:.3f}",
-        )
+        )  # fmt: skip
     for table, phase in zip(tables[1:], ("known_phase", "unknown_phase"), strict=True):
         for row, scores in zip(table.rows, content["prediction"][phase].values(), strict=True):
             values = [float(cell) for cell in row[1:]]

@@ -11,19 +11,12 @@ from intent_recognition.tracking import parse_extrinsics
 @pytest.mark.parametrize(
     "entry",
     [
-        "cam 1 2 3",
-        "cam 0 0 0 0 0 0 x",
-        "0 0 0 0 0 0 1",
-        "cam 0 0 0 0 0 0 1 1",
-        "cam 0 0 0 0 0 0 0",
-        "cam nan 0 0 0 0 0 1",
-        "/first 0 0 0 0 0 0 1",
+        "cam 1 2 3", "cam 0 0 0 0 0 0 x", "0 0 0 0 0 0 1", "cam 0 0 0 0 0 0 1 1",
+        "cam 0 0 0 0 0 0 0", "cam nan 0 0 0 0 0 1", "/first 0 0 0 0 0 0 1",
     ],
-)
+)  # fmt: skip
 def test_malformed_entries_are_refused_by_number(entry):
-    with pytest.raises(
-        ArgumentError, match=r"^file: extrinsics\[1\]: expected one 'frame x"
-    ) as info:
+    with pytest.raises(ArgumentError, match=r"^file: extrinsics\[1\]: expected one 'frame") as info:
         parse_extrinsics(["first 0 0 0 0 0 0 1", entry], "file: extrinsics")
     assert repr(entry) in str(info.value) and "Give each frame once" in str(info.value)
 

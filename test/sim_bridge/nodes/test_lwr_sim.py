@@ -77,9 +77,7 @@ def test_a_physics_that_falls_behind_is_where_its_stamps_say(harness, monkeypatc
     clock = SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=round(now_s[0] * 1e9)))
     monkeypatch.setattr(node, "get_clock", lambda: clock)
     monkeypatch.setattr(node.clock, "now_s", lambda: now_s[0])
-    monkeypatch.setattr(
-        node, "_publish", lambda at_ns: seen.append((at_ns, node.arm.reference.position))
-    )
+    monkeypatch.setattr(node, "_publish", lambda ns: seen.append((ns, node.arm.reference.position)))
 
     def wait(length_s):
         until_s = now_s[0] + length_s
