@@ -45,7 +45,7 @@ def test_objects_change_hands(kind, thing, robot):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("kind", "thing"), [("bump", "box"), ("pull on the way", "box"), ("partly", "bottle")]
+    ("kind", "thing"), list(zip(DISTURBANCES, ["box", "bottle"] * 3, strict=True))
 )
 def test_bumps_and_false_pulls_get_nothing_and_the_object_is_brought_back(kind, thing):
     outcome = run_trial(TransferTrial(kind, thing, "lwr", 8))
