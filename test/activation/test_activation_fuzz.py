@@ -53,6 +53,12 @@ def spreads():
     }
 
 
+def place(command, time_ns):
+    """Position and velocity that a command asks for at a time."""
+    plan, at_s = command.plan, (time_ns - command.start_ns) * 1e-9
+    return hermite(plan.times_s, plan.positions, plan.velocities, at_s)
+
+
 class Fuzz:
     """An arm that executes the commands, an estimator and people who do what they like."""
 
@@ -71,7 +77,7 @@ class Fuzz:
             self.settings, lambda reason, text: self.rejected.append(reason)
         )
         self.now_ns = START_NS
-        self.commands, self.ends, self.n_commands = [], [], 0
+        self.commands, self.sent, self.n_commands = [], [], 0
         self.rest, self.push = start, np.zeros(7)
         self.pushed_at_ns = self.moving_ns = 0
         self.task, self.onset_ns, self.shape = "idle", 0, None
@@ -86,9 +92,7 @@ class Fuzz:
         """Position and velocity the controller is at, by the commands sent to it alone."""
         for command in reversed(self.commands):
             if time_ns >= command.start_ns:
-                plan = command.plan
-                at_s = (time_ns - command.start_ns) * 1e-9
-                return hermite(plan.times_s, plan.positions, plan.velocities, at_s)
+                return place(command, time_ns)
         return self.rest, np.zeros(7)
 
     def arm(self):
@@ -264,15 +268,15 @@ class Fuzz:
             assert command.start_ns >= self.commands[-1].start_ns
         if not same:  # then from the arm, at rest, where others moved it
             assert not v.any() and not self.reference(self.now_ns)[1].any()
-            off = np.abs(q - self.last_q).max()  # one that is held where an earlier one ended
-            ended = [np.abs(q - end).max() for end in self.ends]
-            assert off <= 1e-9 or (off <= HELD_WITHIN_RAD and min(ended) <= 1e-9)
+            off = np.abs(q - self.last_q).max()  # one that is held where an earlier one has it
+            earlier = [np.abs(q - place(one, command.start_ns)[0]).max() for one in self.sent]
+            assert off <= 1e-9 or (off <= HELD_WITHIN_RAD and min(earlier) <= 1e-9)
             moved = np.abs(self.last_q - before_q).max() > MOVED_RAD
             assert moved or not self.commands
             self.rest, self.push, self.commands = q, np.zeros(7), []
         accept(command.plan, np.stack([self.last_q, self.reference(self.now_ns)[0]]))
         self.commands = [*self.commands[-3:], command]
-        self.ends = [*self.ends[-7:], command.plan.positions[-1]]
+        self.sent = [*self.sent[-7:], command]
 
 
 def check_curve(plan):
