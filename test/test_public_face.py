@@ -154,7 +154,9 @@ def test_what_holds_arrays_is_shown_on_one_line(library, demonstrations):
     "fold", [([0, 1], [9]), ([0, -1], [2]), ([True, False], [1]), ([0.0], [1])]
 )
 def test_an_index_of_no_demonstration_is_named(fold, demonstrations):
-    with pytest.raises(ir.ArgumentError, match=r"protocol\[1\]: .* whole number from 0 to 7"):
+    with pytest.raises(
+        ir.ArgumentError, match=r"protocol\[1\]: expected a whole number from 0 to 7"
+    ):
         ir.evaluate(demonstrations, [([0, 1, 4, 5], [2]), fold])
 
 
@@ -176,18 +178,30 @@ def test_a_misspelt_label_is_a_warning(demonstrations):
         (lambda _: ir.TrainingSettings(ridge=0.0), "ridge: expected a positive number"),
         (lambda _: ir.TrainingSettings(ridge="a"), "ridge: expected a positive number, got a"),
         (lambda _: ir.TrainingSettings(none_prior=None), "none_prior: expected a probability"),
-        (lambda one: ir.IntentEstimator(one, n_scales=2.5), "n_scales: .* whole .* got 2.5"),
+        (
+            lambda one: ir.IntentEstimator(one, n_scales=2.5),
+            "n_scales: expected a whole .* got 2.5",
+        ),
         (lambda one: ir.IntentEstimator(one).observe(0, [0], dofs=3), "dofs: expected different"),
         (
             lambda one: ir.IntentEstimator(one).observe_controlled(0, [0], signal=-1),
             "signal: expected a whole number from 0 to 1, got -1",
         ),
-        (lambda one: one.primitive("left"), "task: .* whole number from 0 to 1, got 'left'"),
-        (lambda _: ir.decision_settings(None), "library: expected a TaskLibrary"),
+        (
+            lambda one: one.primitive("left"),
+            "task: expected a whole number from 0 to 1, got 'left'",
+        ),
+        (
+            lambda _: ir.decision_settings(None),
+            "library: expected a TaskLibrary, got one of type No",
+        ),
         (lambda one: ir.decision_settings(one, "5 %"), "max_wrong: expected a share .* got '5 %'"),
         (lambda _: ir.DecisionSettings(threshold="0.9"), "threshold: .* got '0.9'"),
         (lambda _: ir.DecisionSettings(n_observations=2.5), "n_observations: .* got 2.5"),
-        (lambda one: ir.evaluate(one), "demonstrations: expected a list of Demonstration"),
+        (
+            lambda one: ir.evaluate(one),
+            "demonstrations: expected a list of Demonstration, got Task",
+        ),
         (lambda _: ir.evaluate("bags"), r"demonstrations\[0\]: expected a Demonstration, got str"),
         (lambda _: ir.evaluate([], settings={}), "settings: expected a TrainingSettings, got one"),
         (lambda _: ir.evaluate([], None), "protocol: expected loo, .* or pairs .* got None"),
@@ -195,7 +209,10 @@ def test_a_misspelt_label_is_a_warning(demonstrations):
         (lambda _: ir.cut_to_movement(None), "demonstrations: expected a list of Demonstration"),
         (lambda one: ir.fit_interaction_promp(one), "demonstrations: expected a list of Demonstr"),
         (lambda _: ir.learn_mixture(None), "demonstrations: expected a list of Demonstration"),
-        (lambda _: ir.load_model(None), "path: expected a path, got one of type NoneType"),
+        (
+            lambda _: ir.load_model(None),
+            "path: expected a path, got one of type NoneType. Pass the path",
+        ),
         (lambda one: ir.save_model(None, one), "path: expected a path, got one of type NoneType"),
         (lambda _: ir.load_dofs(3), "path: expected a path, got one of type int"),
         (lambda _: ir.BagReader(None), "path: expected a path, got one of type NoneType"),

@@ -127,9 +127,13 @@ TURN |= {"orientation": "quaternion"}
     "controlled"
 ]
 RATE = {
-    "topic": "r", "type": NAME, "fields": ["v.x"], "unit": "m/s", "of": ["a.pose.x"],
+    "topic": "r",
+    "type": NAME,
+    "fields": ["v.x"],
+    "unit": "m/s",
+    "of": ["a.pose.x"],
     "std": 0.1,
-}  # fmt: skip
+}
 FRAME = "tracker 1 0.5 0 0 0 0 1"
 
 
@@ -152,13 +156,19 @@ def extrinsics(*listed) -> dict:
         (spec(context=1), r"observed\[0\]: context: expected true or false, got 1"),
         (spec(link="hand"), r"observed\[0\]: .*only the keys .*, got link"),
         (spec(std=0.1), r"observed\[0\]: .*only the keys .*, got std"),
-        (controlled(ENTRY | {"context": True}), r"controlled\[0\]: .*keys .*, got context"),
+        (
+            controlled(ENTRY | {"context": True}),
+            r"controlled\[0\]: .*only the keys .*, got context",
+        ),
         (controlled(PLACE | {"unit": "mm"}), r"controlled\[0\]: link: expected type .*unit m"),
         (controlled(PLACE | {"topic": "/mocap/a/pose", "unit": "mm"}), ".* metres; .* in a map"),
         (controlled(PLACE | {"fields": ["pose.x"]}), r"controlled\[0\]: link: .*pose.position.z"),
         (controlled(PLACE | {"link": ""}), r"controlled\[0\]: link: expected a text"),
         *(
-            (controlled(PLACE, TURNED | change), r"controlled\[1\]: expected the position before")
+            (
+                controlled(PLACE, TURNED | change),
+                r"controlled\[1\]: expected the position before it",
+            )
             for change in ({"link": "other"}, {"topic": "/other"}, {"robot": "x.urdf"})
         ),
         (spec(**TURN | {"orientation": "euler"}), r".*orientation: expected quaternion"),

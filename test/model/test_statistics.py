@@ -87,7 +87,9 @@ def test_the_model_alone_is_read_without_them(trained, written, tmp_path):
 
 def test_a_model_without_statistics_says_so(trained, tmp_path):
     save_model(tmp_path / "old.npz", Model(trained.library, DOFS))
-    with pytest.raises(ModelError, match=r"old\.npz: expected statistics .*without them. Train it"):
+    with pytest.raises(
+        ModelError, match=r"old\.npz: expected statistics .*, got a model without them. Train it"
+    ):
         load_trained(tmp_path / "old.npz")
 
 

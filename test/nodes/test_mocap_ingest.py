@@ -68,6 +68,15 @@ def test_nodes_load_definitions_before_the_first_pose_comes(harness, tmp_path, m
     assert message_fields.cache_info().misses == loaded
 
 
+def test_extrinsics_are_applied(harness):
+    half = 0.5**0.5
+    harness.node(MocapIngest, world_frame="cell", extrinsics=[f"optitrack 1 0 2 0 0 {half} {half}"])
+    (odometry,) = exchange(harness, [pose(0, (0.5, 0.0, 0.0), "optitrack")])
+    position = odometry.pose.pose.position
+    np.testing.assert_allclose((position.x, position.y, position.z), (1.0, 0.5, 2.0), atol=1e-12)
+    assert odometry.header.frame_id == "cell"
+
+
 def test_when_the_clock_goes_back_the_first_pose_counts(harness):
     node = harness.node(MocapIngest, use_sim_time=True)
     received = []

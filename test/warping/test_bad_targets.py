@@ -30,7 +30,12 @@ def mug_mesh() -> trimesh.Trimesh:
     [
         (np.zeros((0, 3)), np.zeros((0, 3)), ArgumentError, "at least 100, got 0"),
         (np.zeros((200, 2)), np.zeros((200, 2)), ShapeError, "shape"),
-        (np.r_[[[np.nan] * 3], np.ones((199, 3))], np.ones((200, 3)), ArgumentError, "1 of 200"),
+        (
+            np.r_[[[np.nan] * 3], np.ones((199, 3))],
+            np.ones((200, 3)),
+            ArgumentError,
+            "1 of 200 with",
+        ),
         (np.zeros((200, 3)), np.zeros((199, 3)), ShapeError, "normals"),
         (np.zeros((200, 3)), np.zeros((200, 3)), ArgumentError, "normals: expected finite"),
     ],

@@ -51,7 +51,11 @@ CASES = {
     "position outside": ("outside_position_limits", (NAMES, [2, 9], [row(3.0), ROWS[1]]), {}),
     "velocity outside": ("outside_velocity_limits", (NAMES, TIMES, ROWS, [row(9.0), REST[1]]), {}),
     "mean velocity outside": ("outside_velocity_limits", (NAMES, [0.1, 0.2], [row(0), row(1)]), {}),
-    "hasty": ("outside_acceleration_limits", (NAMES, TIMES, ROWS, REST, [row(50.0), REST[1]]), {}),
+    "acceleration outside": (
+        "outside_acceleration_limits",
+        (NAMES, TIMES, ROWS, REST, [row(50.0), REST[1]]),
+        {},
+    ),
     "moving at the end": ("velocity_at_end", (NAMES, TIMES, ROWS, [REST[0], row(0.2)]), {}),
     "over before it came": ("ends_in_past", (NAMES, TIMES, ROWS), {"start_s": 1.0, "now_s": 9.0}),
     "stamp of another clock": ("starts_too_late", (NAMES, TIMES, ROWS), {"start_s": 1.7e9}),
