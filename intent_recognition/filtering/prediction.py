@@ -2,6 +2,7 @@
 """Trajectories of both agents under one task, from the hypotheses of a movement under way."""
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from intent_recognition.filtering.observation_model import Measurement
 from intent_recognition.filtering.table import HypothesisTable
 from intent_recognition.gaussian import Gaussian, symmetrize, whiten_innovation
 from intent_recognition.promp import (
+    STEP,
     StartPosture,
     TaskLibrary,
     Trajectory,
@@ -18,6 +20,7 @@ from intent_recognition.promp import (
     dof_variance,
     reference_phase,
     residual_weights,
+    state_shift,
     steady_phase,
 )
 
@@ -56,12 +59,20 @@ class TaskPrediction:
         self._deviations = table.deviations(index)
         self.durations_s = self._rows["onset_s"] + self._rows["duration_s"]
         self.elapsed_s = max((one.elapsed_s for one in seen), default=0.0)
-        coupling = library.coupling if task < library.n_tasks and not table.has_offsets else None
-        coupled = coupling is not None and bool(np.any(coupling.gain[task]))
-        self._seen = [one for one in seen if coupled and not one.derivative]
+        places = [one for one in seen if not one.derivative]
+        gains = library.coupling and library.coupling.gain, library.state_gain
+        known = task < library.n_tasks and not table.has_offsets
+        self._seen, self._led = (
+            places if known and gain is not None and np.any(gain[task]) else [] for gain in gains
+        )
         self._relative = self.durations_s[:, None] / library.usual_s[task]
         self._likely = np.flatnonzero(duration_weights > NEGLIGIBLE_SHARE)
         self._share = duration_weights[self._likely] / duration_weights[self._likely].sum()
+
+    @cached_property
+    def _design(self) -> Floats:
+        """Basis functions at the tabulated phases, (G, N)."""
+        return self.library.basis.design_matrix(np.linspace(0.0, 1.0, N_PHASES))
 
     @property
     def duration_s(self) -> float:
@@ -95,11 +106,12 @@ class TaskPrediction:
         """Mean and mean square of the controlled agent at times after onset, (T, Q) each.
 
         Both are over durations and phase deviations (Ewerton et al. 2015, Eq. 14) and include the
-        coupling of the residuals (`promp.coupling`); the mean square includes the noise.
+        coupling of the residuals (`promp.coupling`), with a known start that to the present state,
+        too; the mean square includes the noise.
         """
         library, likely, share = self.library, self._likely, self._share
         mean, covariance = self._controlled_weights(start)
-        design = library.basis.design_matrix(np.linspace(0.0, 1.0, N_PHASES))
+        design = self._design
         position = np.matmul(design, mean.swapaxes(1, 2))  # (S, G, Q)
         square = np.einsum("sqgk,gk->sgq", design @ covariance, design)
         square += library.control_noise_variance() + position**2
@@ -107,7 +119,28 @@ class TaskPrediction:
         expected = np.matmul(phases, position)
         variance = unexplained * (np.matmul(phases, square) - expected**2)
         expected += shift[likely]
-        return np.tensordot(share, expected, 1), np.tensordot(share, variance + expected**2, 1)
+        mean = np.tensordot(share, expected, 1)
+        variance = np.tensordot(share, variance + (expected - mean) ** 2, 1)
+        if start is not None and self._led:
+            mean = mean + self._state_shift(times_s)
+        return mean, variance + mean**2
+
+    def _state_shift(self, times_s: Floats) -> Floats:
+        """Shift of the controlled agent by the present state, (T, Q)."""
+        library, likely = self.library, self._likely
+        seen_s, values = _values(self._led, library.n_observed)
+        at_s = self.elapsed_s - np.array([0.0, STEP]) * self.duration_s
+        known, gain = ~np.isnan(values), library.state_gain
+        if gain is None or not np.all(known.any(axis=0)):
+            return np.zeros((len(times_s), library.n_controlled))
+        columns = zip(values.T, known.T, strict=True)
+        last, before = np.array([np.interp(at_s, seen_s[k], v[k]) for v, k in columns]).T
+        phases = self.phases_at(at_s[:1])[likely, 0] @ self._design
+        scaling = library.in_durations(self.task, self.durations_s[likely])
+        row = np.einsum("k,kn,knm->m", self._share, phases, scaling)
+        usual = library.weight_mean[self.task, library.n_observed_weights :].reshape(-1, len(row))
+        state = np.concatenate([last, last - before, usual @ row, [1.0]])
+        return state_shift(gain[self.task], state, (times_s - self.elapsed_s) / self.duration_s)
 
     def _controlled_weights(
         self, start: StartPosture | None, *, together: bool = False
@@ -181,9 +214,8 @@ class TaskPrediction:
         if coupling is None or not self._seen:
             return np.zeros((len(self.durations_s), *shape)), np.ones(shape)
         seen_s, values = _values(self._seen, self.library.n_observed)
-        design = self.library.basis.design_matrix(np.linspace(0.0, 1.0, N_PHASES))
         of_dofs = self.weights.mean.reshape(len(self.durations_s), self.library.n_observed, -1)
-        path = design @ np.swapaxes(of_dofs, 1, 2)
+        path = self._design @ np.swapaxes(of_dofs, 1, 2)
         residuals = values - self.phases_at(seen_s, controlled=False) @ path
         residuals[np.broadcast_to(np.isnan(values), residuals.shape)] = 0.0
         weights, known = residual_weights(seen_s, times_s, float(coupling.decay_s[self.task]))

@@ -32,8 +32,8 @@ from intent_recognition.learning.examples import (
     cut_one,
     cut_to_movement,
     make_example,
+    pose_phases,
     sample_phases,
-    scored_phases,
 )
 from intent_recognition.learning.fitting import library_from_statistics
 from intent_recognition.learning.hyperparameters import Hyperparameters

@@ -34,8 +34,8 @@ from intent_recognition.learning.examples import (
     SAMPLES_PER_MOVEMENT,
     SAMPLES_USED,
     TrainingExample,
+    pose_phases,
     sample_phases,
-    scored_phases,
 )
 from intent_recognition.learning.preprocessing import example_of
 from intent_recognition.learning.statistics import TaskStatistics
@@ -196,7 +196,7 @@ def _moved(
     if own != library.basis:
         change = _onto(own, library.basis, change)
     slopes, n_basis = change.slopes, own.n_basis
-    n, design = slopes.shape[1], own.design_matrix(scored_phases())
+    n, design = slopes.shape[1], own.design_matrix(pose_phases())
     centre = task.mean.ravel()[:n]
 
     def follow(weights: Floats) -> Floats:

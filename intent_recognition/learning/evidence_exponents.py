@@ -13,9 +13,10 @@ movement because the samples of a movement are not independent either. The poste
 used, since a few demonstrations that are all recognised say little about it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
+from scipy.special import softmax
 
 from intent_recognition.array_types import Floats, Integers
 from intent_recognition.filtering import duration_offsets
@@ -39,14 +40,13 @@ POWERS = np.linspace(0.1, 1.0, 10)
 """Values of the exponent a that are tried, evenly spaced up to 1 (docs/decisions/new_people.md)."""
 
 
-def follow(
-    library: TaskLibrary, left_out: Sequence[LeftOutExample], shares: Sequence[float]
-) -> tuple[Floats, Floats, Floats]:
-    """Filter n left-out demonstrations under S durations of their own task, after each of f shares.
+def follow_durations(
+    library: TaskLibrary, left_out: Sequence[LeftOutExample]
+) -> Iterator[Followed]:
+    """Filter left-out demonstrations under S durations of their own task.
 
-    Returns:
-        Log evidence (f, n, S); means of both agents at the scored phases, (f, n, S, s, P) and
-        (f, n, S, s, Q).
+    Yields:
+        The hypotheses after each sample.
     """
     offsets, _ = duration_offsets(N_DURATIONS)
     size, task = library.n_observed_weights, [one.task for one in left_out]
@@ -64,16 +64,32 @@ def follow(
         np.repeat(part, N_DURATIONS, axis=0) for part in (mean, covariance, values)
     )
     samples, prior = np.swapaxes(values, 0, 1), Gaussian(mean, covariance)
-    evidence, observed, controlled = [], [], []
     for progress in filter_samples(library, prior, pace.ravel(), relative.ravel(), samples):
-        if progress.n_samples in samples_at(shares):
-            evidence.append(progress.log_evidence.reshape(own.shape))
-            human, robot = predict_agents(
-                library, left_out, Followed(progress, own, pace, relative)
-            )
+        yield Followed(progress, own, pace, relative)
+
+
+def follow(
+    library: TaskLibrary, left_out: Sequence[LeftOutExample], shares: Sequence[float]
+) -> tuple[Floats, Floats, Floats]:
+    """Log evidence of S durations of n left-out demonstrations after each of f shares, (f, n, S).
+
+    Also returns the means of both agents at the scored phases, (f, n, S, s, P) and
+    (f, n, S, s, Q).
+    """
+    evidence, observed, controlled = [], [], []
+    for followed in follow_durations(library, left_out):
+        if followed.progress.n_samples in samples_at(shares):
+            evidence.append(followed.progress.log_evidence[followed.own])
+            human, robot = predict_agents(library, left_out, followed)
             observed.append(human)
             controlled.append(robot)
     return np.array(evidence), np.array(observed), np.array(controlled)
+
+
+def duration_weights(log_evidence: Floats, exponent: float) -> Floats:
+    """Posterior probabilities of the durations under an exponent, from log evidence (..., S)."""
+    log_weight = duration_offsets(N_DURATIONS)[1] + exponent * log_evidence
+    return np.asarray(softmax(log_weight, axis=-1))
 
 
 def choose_duration_evidence(
@@ -96,13 +112,10 @@ def choose_duration_evidence(
     log_evidence, observed, controlled = (
         np.concatenate(part, axis=1) for part in zip(*parts, strict=True)
     )
-    log_prior = duration_offsets(N_DURATIONS)[1]
     tasks = np.array([one.task for one in left_out])
     couplings, errors = [], []
     for exponent in EXPONENTS:
-        log_weight = log_prior + exponent * log_evidence
-        weight = np.exp(log_weight - log_weight.max(axis=2, keepdims=True))
-        weight /= weight.sum(axis=2, keepdims=True)
+        weight = duration_weights(log_evidence, exponent)
         human, robot = (
             np.einsum("fnh,fnhsd->fnsd", weight, path) for path in (observed, controlled)
         )

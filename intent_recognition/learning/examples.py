@@ -38,7 +38,7 @@ class TrainingExample(NamedTuple):
     residual_variance: Floats  # (D,)
     duration_s: float
     observed: Floats  # samples at evenly spaced phases, (m, P)
-    controlled: Floats  # at the scored phases, (s, Q)
+    controlled: Floats  # at `pose_phases`, (58, Q)
     # the example over the reference phase of its task, with another basis; None where nothing was
     # aligned
     aligned: TrainingExample | None = None
@@ -52,9 +52,14 @@ def sample_phases() -> Floats:
     return (np.arange(SAMPLES_USED) + 0.5) / SAMPLES_USED
 
 
+def pose_phases() -> Floats:
+    """Phases at which poses of the controlled agent are kept, (58,)."""
+    return np.linspace(0.0, 1.0, 58)
+
+
 def scored_phases() -> Floats:
-    """Phases at which the controlled agent's prediction is scored, (s,)."""
-    return np.linspace(0.0, 1.0, 20)
+    """Phases at which the controlled agent's prediction is scored, every third of those, (s,)."""
+    return pose_phases()[::3]
 
 
 def make_example(
@@ -89,7 +94,7 @@ def make_example(
         np.concatenate([fit.residual_variance for fit in fits]),
         recorded.duration_s,
         np.hstack([interpolated(sample_phases(), *part) for part in sampled[:n_observed]]),
-        np.hstack([interpolated(scored_phases(), *part) for part in sampled[n_observed:]]),
+        np.hstack([interpolated(pose_phases(), *part) for part in sampled[n_observed:]]),
         context=recorded.context_values,
         group=recorded.metadata.get(GROUP, ""),
     )

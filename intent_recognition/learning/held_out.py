@@ -150,33 +150,69 @@ def samples_at(shares: Sequence[float]) -> list[int]:
 
 
 def predict_agents(
-    library: TaskLibrary, left_out: Sequence[LeftOutExample], followed: Followed
+    library: TaskLibrary,
+    left_out: Sequence[LeftOutExample],
+    followed: Followed,
+    phases: Floats | None = None,
+    *,
+    start_known: bool = False,
 ) -> tuple[Floats, Floats]:
-    """Means of both agents at the scored phases, (n, S, s, P) and (n, S, s, Q).
+    """Means of both agents at phases of the demonstrations, (n, S, s, P) and (n, S, s, Q).
 
     Args:
         library: provides basis and phase deviation.
         left_out: n demonstrations.
         followed: hypotheses of their own tasks after some samples.
+        phases: the phases, (s,); the scored ones when None.
+        start_known: condition the controlled agent on its start.
     """
+    phases = scored_phases() if phases is None else phases
     size = library.n_observed_weights
     mean = np.array([one.mean for one in left_out])[:, None]
     gain = np.array([one.rule.matrix for one in left_out])
     filtered = followed.progress.weights.mean[followed.own]
     change = (filtered - mean[..., :size]) @ np.swapaxes(gain, 1, 2)
-    weights = np.concatenate([filtered, mean[..., size:] + change], axis=2)
-    of_observed, of_controlled = expected_rows(library, left_out, followed)
+    following = mean[..., size:] + change
+    if start_known:
+        following = following + _from_start(library, left_out, followed, following)
+    weights = np.concatenate([filtered, following], axis=2)
+    of_observed, of_controlled = expected_rows(library, left_out, followed, phases)
     of_dofs = np.swapaxes(weights.reshape(followed.own.size, -1, library.basis.n_basis), 1, 2)
     observed = of_observed @ of_dofs[..., : library.n_observed]
     controlled = of_controlled @ of_dofs[..., library.n_observed :]
-    shape = (*followed.own.shape, len(scored_phases()), -1)
+    shape = (*followed.own.shape, len(phases), -1)
     return observed.reshape(shape), controlled.reshape(shape)
 
 
+def _from_start(
+    library: TaskLibrary, left_out: Sequence[LeftOutExample], followed: Followed, weights: Floats
+) -> Floats:
+    """Change of the controlled weights (n, S, Q N) given the agent's start, of the same shape."""
+    shape, q = weights.shape, library.n_controlled
+    row = library.basis.design_matrix(np.zeros(1))[0]
+    _, spread = followed.progress.weights.moments(followed.own.ravel())
+    spread = spread.reshape(*shape[:2], *spread.shape[1:])
+    gain = np.array([one.rule.matrix for one in left_out])[:, None]
+    rest = np.array([one.rule.covariance for one in left_out])[:, None]
+
+    def at_start(matrix: Floats) -> Floats:
+        """Rows of the start, (..., Q, x), from those of the controlled weights, (..., Q N, x)."""
+        return np.einsum(
+            "k,...qkx->...qx", row, matrix.reshape(*matrix.shape[:-2], q, len(row), -1)
+        )
+
+    cross = (at_start(gain) @ spread @ np.swapaxes(gain, -1, -2)) + at_start(rest)
+    cross = np.swapaxes(cross, -1, -2)  # (n, S, Q N, Q)
+    covariance = at_start(cross) + np.diag(library.control_noise_variance())
+    start = np.array([one.poses[0] for one in left_out])[:, None, :, None]
+    innovation = np.linalg.solve(covariance, start - at_start(weights[..., None]))
+    return np.asarray((cross @ innovation)[..., 0])
+
+
 def expected_rows(
-    library: TaskLibrary, left_out: Sequence[LeftOutExample], followed: Followed
+    library: TaskLibrary, left_out: Sequence[LeftOutExample], followed: Followed, phases: Floats
 ) -> tuple[Floats, Floats]:
-    """Basis functions of both agents at the scored phases, expected over phase deviations.
+    """Basis functions of both agents at phases of demonstrations, expected over phase deviations.
 
     Those of the observed and of the controlled DOFs, (n S, s, N) each, are returned. The arguments
     are those of `predict_agents`.
@@ -184,8 +220,8 @@ def expected_rows(
     model, basis = library.phase_deviation, library.basis
     pace, relative = followed.pace.reshape(-1, 1), followed.relative.reshape(-1, 1)
     deviations = followed.progress.deviations(followed.own.ravel())
-    share = deviations_at(model, 1.0 / pace[:, 0], deviations, scored_phases())
-    phase = pace * scored_phases()
+    share = deviations_at(model, 1.0 / pace[:, 0], deviations, phases)
+    phase = pace * phases
     rows = np.einsum(
         "nse,nsek->nsk", share, basis.design_matrix(reference_phase(model, phase, relative))
     )

@@ -50,9 +50,14 @@ class LeftOutExample(NamedTuple):
     rival_means: Floats  # mean observed weights of the rivals, without a left-out person, (r, P N)
     observed: Floats  # samples of the observed DOFs, (m, P)
     seen: Floats  # observed DOFs at the scored phases, (s, P)
-    truth: Floats  # controlled DOFs at the scored phases, (s, Q)
+    poses: Floats  # controlled DOFs at `pose_phases`, (58, Q)
     duration_s: float
     log_duration: float  # mean log duration of the task's other demonstrations [log s]
+
+    @property
+    def truth(self) -> Floats:
+        """Controlled DOFs at the scored phases, (s, Q)."""
+        return self.poses[::3]
 
 
 def leave_out(

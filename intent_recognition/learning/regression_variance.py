@@ -15,6 +15,7 @@ import numpy as np
 
 from intent_recognition.array_types import Floats
 from intent_recognition.gaussian import expected_distance
+from intent_recognition.learning.examples import scored_phases
 from intent_recognition.learning.held_out import (
     batches_of,
     expected_rows,
@@ -64,7 +65,7 @@ def _losses(
         if followed.progress.n_samples not in numbers:
             continue
         _, predicted = predict_agents(library, left_out, followed)
-        _, rows = expected_rows(library, left_out, followed)
+        _, rows = expected_rows(library, left_out, followed, scored_phases())
         mean, covariance = followed.progress.weights.moments(followed.own[:, 0])
         response = np.einsum("nsk,nqkp->nsqp", rows, gain).reshape(n, -1, size)
         mapped = np.sum((response @ covariance) * response, axis=2).reshape(truth.shape)

@@ -19,7 +19,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -48,8 +48,13 @@ from intent_recognition.learning.hyperparameters import (
 )
 from intent_recognition.learning.persons import compares_people
 from intent_recognition.learning.regression_variance import choose_regression_variance
+from intent_recognition.learning.state_gain import learn_state_gain
 from intent_recognition.learning.statistics import TaskStatistics, pooled_moments, variance_scales
-from intent_recognition.promp import LAGS, ResidualCoupling, TaskLibrary, explained_by_lag
+from intent_recognition.promp import (
+    LAGS,
+    TaskLibrary,
+    explained_by_lag,
+)
 from intent_recognition.signals import is_spatial
 
 NOISE_SCALES = (1.0, 4.0, 16.0)
@@ -65,12 +70,12 @@ class Choice(NamedTuple):
     """The chosen hyperparameters, and what was learned along with them.
 
     Attributes:
-        coupling: coupling of the residuals; None if no task has any.
+        couplings: `coupling` and `state_gain` of the library; None if no task has any.
         tried: all hyperparameters that were scored.
     """
 
     best: Hyperparameters
-    coupling: ResidualCoupling | None
+    couplings: Mapping[str, Any]
     tried: tuple[Hyperparameters, ...]
 
 
@@ -110,7 +115,8 @@ def choose(
         return min(tried, key=lambda one: round(tried[one].score, 9))  # ignores rounding
 
     if not all(left_out(Hyperparameters(pace)) for pace in candidates):
-        return Choice(Hyperparameters(), None, (Hyperparameters(),))
+        nothing = {"coupling": None, "state_gain": None}
+        return Choice(Hyperparameters(), nothing, (Hyperparameters(),))
     tried: dict[Hyperparameters, Hyperparameters] = {}
     parts: dict[Hyperparameters, Floats] = {}
     first = Hyperparameters(next(iter(candidates)))
@@ -143,10 +149,12 @@ def choose(
     of_best = left_out(best)
     variance = _variance(library, of_best)
     exponent, coupling = choose_duration_evidence(library, of_best, FRACTIONS, variance)
+    gain = learn_state_gain(library, of_best, exponent, coupling, variance)
     uncertain = choose_regression_variance(library, of_best, tasks, FRACTIONS)
     chosen = tried[best]._replace(duration_evidence=exponent, regression_variance=uncertain)
     tried[best] = chosen
-    return Choice(chosen, coupling if np.any(coupling.gain) else None, (*tried.values(),))
+    found = {"coupling": coupling if np.any(coupling.gain) else None, "state_gain": gain}
+    return Choice(chosen, found, (*tried.values(),))
 
 
 def _lags(library: TaskLibrary, tasks: Mapping[str, TaskStatistics]) -> list[float]:

@@ -151,9 +151,9 @@ def learn_accumulated(
     """
     preprocessing = _check_enough(accumulated)
     tasks = with_people(accumulated.tasks, preprocessing.n_observed)
-    chosen, coupling, tried = choose_hyperparameters(tasks, preprocessing)
+    chosen, couplings, tried = choose_hyperparameters(tasks, preprocessing)
     library = library_from_statistics(tasks, preprocessing, chosen, provenance)
-    library = replace(library, coupling=coupling)
+    library = replace(library, **couplings)
     trained = with_margins(Trained(library, preprocessing, tasks, chosen))
     return TrainingReport(
         accumulated.used,
@@ -217,7 +217,7 @@ def add_statistics(
         labels=tuple(merged),
         **learned_from(merged, trained.preprocessing, trained.chosen),
         **_priors(before, tuple(merged)),
-        coupling=_coupling(before, tuple(merged)),
+        **_couplings(before, tuple(merged)),
         provenance={**before.provenance, "bags": [*known_bags, *names][:NAMES_KEPT]},
     )
     return Trained(library, trained.preprocessing, merged, trained.chosen)
@@ -226,10 +226,10 @@ def add_statistics(
 def choose_again(trained: Trained) -> tuple[Trained, tuple[Hyperparameters, ...]]:
     """Choose hyperparameters and learn margins again; also return all that were tried."""
     tasks = with_people(trained.tasks, trained.preprocessing.n_observed)
-    chosen, coupling, tried = choose_hyperparameters(tasks, trained.preprocessing)
+    chosen, couplings, tried = choose_hyperparameters(tasks, trained.preprocessing)
     library = replace(
         trained.library,
-        coupling=coupling,
+        **couplings,
         **chosen_fields(trained.preprocessing, chosen),
         **learned_from(tasks, trained.preprocessing, chosen),
         provenance={**trained.library.provenance, "chosen": chosen._asdict()},
@@ -264,15 +264,18 @@ def _priors(before: TaskLibrary, labels: tuple[str, ...]) -> dict[str, Any]:
     return {"task_prior": task_prior, "transition_prior": transition_prior}
 
 
-def _coupling(before: TaskLibrary, labels: tuple[str, ...]) -> ResidualCoupling | None:
-    """Extend the coupling to more tasks; the new ones have none."""
-    if before.coupling is None:
-        return None
+def _couplings(before: TaskLibrary, labels: tuple[str, ...]) -> dict[str, Any]:
+    """Extend couplings to more tasks; the new ones have none."""
     known = [labels.index(label) for label in before.labels]
-    found = ResidualCoupling.none(len(labels), before.n_controlled, before.n_observed)
-    for whole, part in zip(found, before.coupling, strict=True):
-        whole[known] = part
-    return found
+    coupling, state_gain = before.coupling, before.state_gain
+    if coupling is not None:
+        coupling = ResidualCoupling.none(len(labels), before.n_controlled, before.n_observed)
+        for whole, part in zip(coupling, before.coupling or (), strict=True):
+            whole[known] = part
+    if before.state_gain is not None:
+        state_gain = np.zeros((len(labels), *before.state_gain.shape[1:]))
+        state_gain[known] = before.state_gain
+    return {"coupling": coupling, "state_gain": state_gain}
 
 
 def _check_enough(accumulated: Accumulated) -> Preprocessing:

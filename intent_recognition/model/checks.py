@@ -22,6 +22,7 @@ from intent_recognition.model.arrays import (
 )
 from intent_recognition.promp import (
     CONTEXT_STRENGTH,
+    LEADS,
     NONE,
     ContextModel,
     LeftOutOdds,
@@ -78,14 +79,15 @@ SHAPES = {
 }
 """Axes of each array of a model: k tasks, l one more; d DOFs, of which the p observed ones form g
 groups, and q are controlled; w weights, of which o are observed; m numbers of the context."""
-USUAL, STOP, COUPLING, CONTEXT = (
+USUAL, STOP, STATE, COUPLING, CONTEXT = (
     {"usual_log_duration": "l"},
     {"stop_margin": ""},
+    {"state_gain": "ktqs"},
     dict(zip((f"coupling_{name}" for name in ResidualCoupling._fields), ("kqp", "kq", "k"))),
     {"context_mean": "km", "context_covariance": "kmm", "context_gain": "kwm"},
 )
-"""Axes of the arrays of usual durations, the margin after a stop, residual coupling and context,
-which not every library has."""
+"""Axes of the arrays of usual durations, the margin after a stop, couplings and context, which not
+every library has; t leads, s numbers of the present state."""
 
 
 def shapes_of(
@@ -97,7 +99,8 @@ def shapes_of(
     size |= {"d": observed + controlled, "g": len(dofs.observed), "m": len(dofs.context_names)}
     size |= {"w": (observed + controlled) * n_basis, "o": observed * n_basis}
     wanted = SHAPES | (CONTEXT if dofs.context else {})
-    for some in (USUAL, STOP, COUPLING):
+    size |= {"t": len(LEADS), "s": 2 * observed + controlled + 1}
+    for some in (USUAL, STOP, STATE, COUPLING):
         wanted |= some if some.keys() & content else {}
     return {name: tuple(size[axis] for axis in axes) for name, axes in wanted.items()}
 
@@ -198,7 +201,7 @@ def optional_arrays(library: TaskLibrary) -> dict[str, Floats]:
     arrays = dict(zip(COUPLING, library.coupling or ()))
     if context is not None:
         arrays |= zip(CONTEXT, (context.mean, context.covariance, context.gain))
-    own = {name: getattr(library, name) for name in (*USUAL, *STOP)}
+    own = {name: getattr(library, name) for name in (*USUAL, *STOP, *STATE)}
     return arrays | {n: np.asarray(one) for n, one in own.items() if one is not None}
 
 

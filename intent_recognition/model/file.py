@@ -32,6 +32,7 @@ from intent_recognition.model.checks import (
     OF_DEVIATION,
     SCALARS,
     SHAPES,
+    STATE,
     STOP,
     USUAL,
     check_groups,
@@ -247,7 +248,7 @@ def _with_references(
 
 def _read(path: Path, more: Sequence[str] = ()) -> dict[str, NDArray[Any]]:
     """Header, arrays of a model, and further arrays, as far as the file has them."""
-    wanted = ("header", *SHAPES, DEVIATION_STD, *CONTEXT, *COUPLING, *USUAL, *STOP, *more)
+    wanted = ("header", *SHAPES, DEVIATION_STD, *CONTEXT, *COUPLING, *USUAL, *STOP, *STATE, *more)
     try:
         return read_arrays(path, wanted)
     except FileNotFoundError as error:

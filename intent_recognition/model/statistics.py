@@ -27,8 +27,8 @@ from intent_recognition.learning import (
     Trained,
     TrainingExample,
     TrainingSettings,
+    pose_phases,
     sample_phases,
-    scored_phases,
 )
 from intent_recognition.model.arrays import (
     RETRAIN,
@@ -240,7 +240,7 @@ def _shapes(
         "statistics_scatter": (n_tasks, size * (size + 1) // 2),
         "examples_weights": (n_examples, n_dofs, n_basis),
         "examples_observed": (n_examples, len(sample_phases()), library.n_observed),
-        "examples_controlled": (n_examples, len(scored_phases()), library.n_controlled),
+        "examples_controlled": (n_examples, len(pose_phases()), library.n_controlled),
         "examples_residual_variance": (n_examples, n_dofs),
         "examples_duration_s": (n_examples,),
     }

@@ -17,7 +17,13 @@ from intent_recognition.promp.control_points import (
     distance_to,
     through,
 )
-from intent_recognition.promp.coupling import ResidualCoupling, residual_weights
+from intent_recognition.promp.coupling import (
+    LEADS,
+    STEP,
+    ResidualCoupling,
+    residual_weights,
+    state_shift,
+)
 from intent_recognition.promp.interaction import InteractionProMP
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.phase_deviation import (

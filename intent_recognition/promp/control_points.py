@@ -101,5 +101,12 @@ def through(library: TaskLibrary, points: Mapping[int, Sequence[ControlPoint]]) 
             mean[task], covariance[task, :, size:] = joint.mean, joint.covariance[:, size:]
             covariance[task, size:, :size] = joint.covariance[size:, :size]
             mean[task, :size] = library.weight_mean[task, :size]
-    bent = replace(library, weight_mean=mean, weight_covariance=covariance, coupling=None)
-    return replace(bent, displacement_exponent=0.0, delay_s=0.0)
+    return replace(
+        library,
+        weight_mean=mean,
+        weight_covariance=covariance,
+        coupling=None,
+        state_gain=None,
+        displacement_exponent=0.0,
+        delay_s=0.0,
+    )

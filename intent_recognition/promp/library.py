@@ -69,6 +69,8 @@ class TaskLibrary:
         context: dependence of the weights on the scene; None if none was learned, or if the weights
             are already conditioned on it (`given`).
         coupling: coupling of both agents' residuals; None for none.
+        state_gain: regression of the controlled agent's residual on the present state
+            (`promp.state_shift`), (K, L, Q, F); None for none.
         regression_variance: variance of the coefficients in the regression of the controlled on the
             observed weights (`Regressions.uncertainty`).
         usual_log_duration: log seconds of the tasks' and none's usual durations, (K + 1,), for
@@ -116,6 +118,7 @@ class TaskLibrary:
     displacement_exponent: float = 0.0
     delay_s: float = 0.0
     stop_margin: float | None = None
+    state_gain: Floats | None = None
 
     def __repr__(self) -> str:
         """Tasks and sizes; the arrays are attributes."""

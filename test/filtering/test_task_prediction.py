@@ -12,6 +12,7 @@ from intent_recognition.filtering import MovementFilter, fixed_prior_grid, make_
 from intent_recognition.filtering.prediction import TaskPrediction
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp import (
+    LEADS,
     ControlPoint,
     ResidualCoupling,
     TaskLibrary,
@@ -304,3 +305,40 @@ def test_coupled_residuals_are_added_and_take_their_share_of_the_variance(rng):
     np.testing.assert_allclose(
         whole.velocities - whole_alone.velocities, np.gradient(moved, whole.times_s, axis=0)
     )
+
+
+def test_with_a_known_start_the_present_state_shifts_what_is_ahead(rng):
+    """A state worked out by hand; nothing else changes, and nothing before now or far ahead."""
+    library = library_with(rng, STEADY, groups=(2, 1))
+    gain = rng.normal(size=(2, len(LEADS), 2, 9))
+    observations = seen(library, rng, 24)
+    hypotheses = fixed_prior_grid(library, 2.0)
+    run = run_on(replace(library, state_gain=gain), 0, hypotheses, observations)
+    alone = run_on(library, 0, hypotheses, observations)
+    now = run.elapsed_s
+    times = np.array([0.3, now - 0.01, now, now + 0.07, now + 0.2, now + 0.4])
+    start = StartPosture(np.array([0.01, 0.02]), np.full(2, 1e-5))
+    mean, square = alone.mixture_at(times, start)
+    at = {}
+    for group, dofs in enumerate(([0, 1], [2])):
+        own = [o for o in observations if o.group == group]
+        stamps = [(o.stamp_ns - START_NS) * 1e-9 for o in own]
+        for k, dof in enumerate(dofs):
+            column = [o.values[k] for o in own]
+            at[dof] = np.interp([now, now - 2.0 / 30.0], stamps, column)
+    last, before = np.array([at[dof] for dof in range(3)]).T
+    row = library.basis.design_matrix(np.array([now / 2.0]))[0]
+    usual = library.weight_mean[0, library.n_observed_weights :].reshape(2, -1) @ row
+    state = np.concatenate([last, last - before, usual, [1.0]])
+    between = 0.5 * (gain[0, 1] + gain[0, 2]) @ state
+    shift = np.array([0 * between, 0 * between, gain[0, 0] @ state, between, gain[0, 3] @ state])
+    found, found_square = run.mixture_at(times, start)
+    np.testing.assert_allclose(found[:5], mean[:5] + shift, atol=1e-4)
+    np.testing.assert_allclose(found_square - found**2, square - mean**2, atol=1e-9)
+    np.testing.assert_allclose(found[5], mean[5], atol=1e-9)
+    np.testing.assert_array_equal(run.mixture_at(times), alone.mixture_at(times))
+    alone, blind = (
+        run_on(one, 0, hypotheses, [o for o in observations if o.group == 0])
+        for one in (library, replace(library, state_gain=gain))
+    )
+    np.testing.assert_array_equal(blind.mixture_at(times, start), alone.mixture_at(times, start))

@@ -2,6 +2,7 @@
 """The filter along demonstrations left out is the one that runs online."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,10 +10,11 @@ from plain import bank_of
 from simulation import make_library
 
 from intent_recognition.filtering import MovementFilter, PriorGrid
-from intent_recognition.gaussian.normal import Gaussian
+from intent_recognition.gaussian import Gaussian, regression
 from intent_recognition.learning.examples import SAMPLES_PER_MOVEMENT, sample_phases
-from intent_recognition.learning.held_out import filter_samples
+from intent_recognition.learning.held_out import Followed, filter_samples, predict_agents
 from intent_recognition.learning.held_out_examples import evenly
+from intent_recognition.promp import StartPosture, controlled_weights
 from intent_recognition.promp.phase_deviation import STEADY, PhaseDeviation
 from intent_recognition.signals.observation import Observation
 
@@ -73,6 +75,30 @@ def test_each_hypothesis_sees_its_own_values(rng):
         own = relative[k : k + 1]
         *_, alone = filter_samples(library, one, pace, own, values[:, k : k + 1])
         np.testing.assert_allclose(alone.log_evidence, together.log_evidence[[k]], rtol=1e-9)
+
+
+def test_a_known_start_conditions_the_controlled_agent(rng):
+    """Against one joint Gaussian of the start and the weights."""
+    library = replace(a_library(STEADY, np.inf), phase_deviation=STEADY)
+    size, q = library.n_observed_weights, library.n_controlled
+    joint = Gaussian(library.weight_mean[1], library.weight_covariance[1])
+    poses = rng.normal(size=(1, q))
+    rule = regression(joint, size)
+    one = SimpleNamespace(mean=joint.mean, rule=rule, poses=poses, duration_s=2.0)
+    prior = Gaussian(library.observed_mean[1:2], library.observed_covariance[1:2])
+    values = rng.normal(size=(len(sample_phases()), 1, 2)) * 0.1
+    progress = [*filter_samples(library, prior, np.ones(1), np.ones(1), values)][20]
+    followed = Followed(progress, np.zeros((1, 1), dtype=int), np.ones((1, 1)), np.ones((1, 1)))
+    phases = np.array([0.4, 0.9])
+    human, robot = predict_agents(library, [one], followed, phases, start_known=True)
+    alone, _ = predict_agents(library, [one], followed, phases)
+    np.testing.assert_array_equal(human, alone)
+    mean, covariance = progress.weights.moments()
+    start = StartPosture(poses[0], np.zeros(q))
+    exact = replace(library, regression_variance=0.0)
+    weights = controlled_weights(exact, 1, Gaussian(mean[0], covariance[0]), start)
+    expected = library.basis.design_matrix(phases) @ weights.mean.reshape(q, -1).T
+    np.testing.assert_allclose(robot[0, 0], expected, atol=1e-9)
 
 
 def test_examples_are_evenly_taken():

@@ -42,7 +42,7 @@ def test_weights_of_an_example_are_those_it_was_simulated_with(truth, rng):
     phase = (np.arange(60) + 0.5) / 60
     expected = truth.basis.design_matrix(phase) @ w[:3].T
     np.testing.assert_allclose(example.observed, expected, atol=1e-3)
-    expected = truth.basis.design_matrix(np.linspace(0, 1, 20)) @ w[3:].T
+    expected = truth.basis.design_matrix(np.linspace(0, 1, 58)) @ w[3:].T
     np.testing.assert_allclose(example.controlled, expected, atol=2e-2)
 
 

@@ -57,8 +57,9 @@ def anew(demonstrations: list[Demonstration], like: Trained) -> Trained:
     """Trained from nothing at the preprocessing and hyperparameters of another."""
     accumulated = accumulate(demonstrations, CUT, like.preprocessing)
     library = library_from_statistics(accumulated.tasks, like.preprocessing, like.chosen)
-    of_left_out = ("none_margin", "stop_margin", "switch_margin", "left_out_odds", "coupling")
-    library = replace(library, **{name: getattr(like.library, name) for name in of_left_out})
+    of_left_out = ("none_margin", "stop_margin", "switch_margin", "left_out_odds")
+    kept = (*of_left_out, "coupling", "state_gain")
+    library = replace(library, **{name: getattr(like.library, name) for name in kept})
     return Trained(library, like.preprocessing, accumulated.tasks, like.chosen)
 
 
@@ -112,7 +113,8 @@ def test_priors_over_tasks_survive_and_a_new_task_takes_its_share():
     transition = np.array([[0.1, 0.9], [0.7, 0.3], [0.6, 0.4]])
     library = replace(trained.library, transition_prior=transition, task_prior=np.array([0.2, 0.8]))
     coupling = ResidualCoupling(np.ones((2, 2, 3)), np.full((2, 2), 0.5), np.array([2.0, 3.0]))
-    trained = replace(trained, library=replace(library, coupling=coupling))
+    library = replace(library, coupling=coupling, state_gain=np.arange(2.0).reshape(2, 1, 1, 1))
+    trained = replace(trained, library=library)
     same = add_demonstration(trained, recordings(3, 7, n_tasks=2)[-1])
     assert np.array_equal(same.library.transition_prior, transition)
     new = replace(recordings(3, 1)[0], task="a new one", name="new")
@@ -123,6 +125,7 @@ def test_priors_over_tasks_survive_and_a_new_task_takes_its_share():
     np.testing.assert_allclose(more.transition_prior[1:, 1:], transition * 2 / 3)
     assert more.coupling.decay_s.tolist()[1:] == [2.0, 3.0] and not more.coupling.gain[0].any()
     assert np.all(more.coupling.gain[1:] == 1.0) and np.all(more.coupling.explained[1:] == 0.5)
+    assert more.state_gain.ravel().tolist() == [0.0, 0.0, 1.0]
 
 
 @pytest.mark.slow

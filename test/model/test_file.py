@@ -26,7 +26,13 @@ from intent_recognition.model.file import (
     load_model,
     save_model,
 )
-from intent_recognition.promp import LeftOutOdds, PhaseDeviation, ResidualCoupling, TaskLibrary
+from intent_recognition.promp import (
+    LEADS,
+    LeftOutOdds,
+    PhaseDeviation,
+    ResidualCoupling,
+    TaskLibrary,
+)
 
 
 def a_coupling(library: TaskLibrary) -> ResidualCoupling:
@@ -38,6 +44,7 @@ def a_coupling(library: TaskLibrary) -> ResidualCoupling:
 def model() -> Model:
     dofs = make_dofs(WRIST, GLOVE)
     library = true_library(dofs)
+    n_state = 2 * library.n_observed + library.n_controlled + 1
     library = replace(
         library,
         observed_weight_covariance=1.5 * library.observed_covariance[:-1],
@@ -50,6 +57,7 @@ def model() -> Model:
         left_out_odds=LeftOutOdds((0.5, -1.25), ("anna", "")),
         provenance={"bags": ["a", "b"], "package_version": "1"},
         coupling=a_coupling(library),
+        state_gain=np.full((library.n_tasks, len(LEADS), library.n_controlled, n_state), 0.1),
         usual_log_duration=np.linspace(0.1, 0.4, library.n_tasks + 1),
         displacement_exponent=2.0,
         delay_s=0.25,
@@ -100,8 +108,8 @@ def test_what_was_written_is_read_bit_for_bit(model, written):
 
 
 def test_a_model_may_be_without_a_coupling(written, tmp_path):
-    without = rewritten(tmp_path / "m.npz", written, **dict.fromkeys(COUPLING))
-    assert load_model(without).library.coupling is None
+    without = rewritten(tmp_path / "m.npz", written, **dict.fromkeys((*COUPLING, "state_gain")))
+    assert load_model(without).library.coupling is load_model(without).library.state_gain is None
 
 
 def test_a_folder_is_made_and_nothing_is_left_beside(model, tmp_path):
