@@ -50,11 +50,7 @@ from intent_recognition.learning.persons import compares_people
 from intent_recognition.learning.regression_variance import choose_regression_variance
 from intent_recognition.learning.state_gain import learn_state_gain
 from intent_recognition.learning.statistics import TaskStatistics, pooled_moments, variance_scales
-from intent_recognition.promp import (
-    LAGS,
-    TaskLibrary,
-    explained_by_lag,
-)
+from intent_recognition.promp import LAGS, TaskLibrary, explained_by_lag
 from intent_recognition.signals import is_spatial
 
 NOISE_SCALES = (1.0, 4.0, 16.0)
