@@ -26,8 +26,8 @@ from intent_recognition.array_types import Floats
 
 LEADS = np.array([0.0, 0.02, 0.05, 0.1])
 """Leads for which the regression on the present state is learned, in durations."""
-FADED = 0.2
-"""Lead at which that regression has faded to none, in durations."""
+FADED = -0.02, 0.2
+"""Leads before and after those at which that regression has faded to none, in durations."""
 STEP = 2.0 / 60.0
 """Interval of the displacement, in durations: two samples of the filter."""
 
@@ -89,7 +89,7 @@ def state_shift(gain: Floats, state: Floats, leads: Floats) -> Floats:
     Args:
         gain: coefficients G at each of `LEADS`, (L, Q, F).
         state: the present state, (F,).
-        leads: times after now in durations, (T,); negative ones have no shift.
+        leads: times after now in durations, (T,).
     """
-    at, known = np.append(LEADS, FADED), np.pad(gain @ state, ((0, 1), (0, 0)))
-    return np.stack([np.interp(leads, at, column, left=0.0) for column in known.T], axis=1)
+    at, known = np.r_[FADED[0], LEADS, FADED[1]], np.pad(gain @ state, ((1, 1), (0, 0)))
+    return np.stack([np.interp(leads, at, column) for column in known.T], axis=1)

@@ -308,7 +308,10 @@ def test_coupled_residuals_are_added_and_take_their_share_of_the_variance(rng):
 
 
 def test_with_a_known_start_the_present_state_shifts_what_is_ahead(rng):
-    """A state worked out by hand; nothing else changes, and nothing before now or far ahead."""
+    """A state worked out by hand; nothing else changes, and nothing long ago or far ahead.
+
+    The shift has no step, of which velocities would be made.
+    """
     library = library_with(rng, STEADY, groups=(2, 1))
     gain = rng.normal(size=(2, len(LEADS), 2, 9))
     observations = seen(library, rng, 24)
@@ -331,7 +334,8 @@ def test_with_a_known_start_the_present_state_shifts_what_is_ahead(rng):
     usual = library.weight_mean[0, library.n_observed_weights :].reshape(2, -1) @ row
     state = np.concatenate([last, last - before, usual, [1.0]])
     between = 0.5 * (gain[0, 1] + gain[0, 2]) @ state
-    shift = np.array([0 * between, 0 * between, gain[0, 0] @ state, between, gain[0, 3] @ state])
+    first = gain[0, 0] @ state
+    shift = np.array([0.0 * first, 0.75 * first, first, between, gain[0, 3] @ state])
     found, found_square = run.mixture_at(times, start)
     np.testing.assert_allclose(found[:5], mean[:5] + shift, atol=1e-4)
     np.testing.assert_allclose(found_square - found**2, square - mean**2, atol=1e-9)

@@ -87,8 +87,9 @@ def test_state_and_residual_are_those_of_the_filter(monkeypatch, rng):
         if k % 3 != 2:
             continue
         ahead = phase + LEADS
-        times_s = ahead * duration_s + 1e-8  # stamps are rounded
-        alone, *shifted = (run.prediction(1).mixture_at(times_s, start)[0] for run in runs)
+        alone, *shifted = (
+            run.prediction(1).mixture_at(ahead * duration_s, start)[0] for run in runs
+        )
         state = np.concatenate([one[0] - alone[0] for one in shifted])[:7]
         np.testing.assert_allclose(found.state[0, k // 3], state, atol=1e-3)
         truth = np.stack([np.interp(ahead, pose_phases(), column) for column in poses.T], axis=1)
