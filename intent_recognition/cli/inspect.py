@@ -134,7 +134,7 @@ def _stream_faults(
 ) -> dict[Path, list[StreamFinding]]:
     """Possible faults between the streams of each bag that can be read."""
     faults: dict[Path, list[StreamFinding]] = {path: [] for path, _ in bags}
-    correlations, owners = [], []
+    summaries, owners = [], []
     for path, summary in bags:
         if isinstance(summary, BagError) or summary.damage or summary.unfinished:
             continue
@@ -144,11 +144,11 @@ def _stream_faults(
             if isinstance(found, Rejection):
                 faults[path].append(StreamFinding(part, found.reason))
             else:
-                correlations.append(found._replace(name=part))
+                summaries.append(found._replace(name=part))
                 owners.append(path)
-    owner = {one.name: path for one, path in zip(correlations, owners, strict=True)}
-    labels = label_doubts((one.name, one.task) for one in correlations)
-    for doubt in [*stream_doubts(correlations), *labels]:
+    owner = {one.name: path for one, path in zip(summaries, owners, strict=True)}
+    labels = label_doubts((one.name, one.task) for one in summaries)
+    for doubt in [*stream_doubts(summaries), *labels]:
         faults[owner[doubt.name]].append(doubt)
     return faults
 

@@ -159,7 +159,7 @@ def train(
     with busy(console, "learning"):
         report = learn_accumulated(found.accumulated, provenance)
     print_found(console, found)
-    return Model(report.library, dofs), with_found(report, found.rejections, found.correlations)
+    return Model(report.library, dofs), with_found(report, found.rejections, found.summaries)
 
 
 def print_library(console: Console, library: TaskLibrary, report: TrainingReport) -> None:

@@ -66,7 +66,7 @@ def add_to_model(
         accumulated.n_rejected,
         more,
     )
-    return Model(more.library, dofs), with_found(report, found.rejections, found.correlations)
+    return Model(more.library, dofs), with_found(report, found.rejections, found.summaries)
 
 
 def _print_known(console: Console, trained: Trained, accumulated: Accumulated) -> None:

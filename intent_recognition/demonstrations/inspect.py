@@ -41,9 +41,9 @@ from intent_recognition.demonstrations.sessions import (
 from intent_recognition.errors import BagError, MessageError
 from intent_recognition.signals import (
     POSITION_FIELDS,
+    RecordingSummary,
     Rejection,
-    SpeedCorrelation,
-    correlate_speeds,
+    summarise,
 )
 
 EMPTY = "it holds no messages: nothing was published while it was recorded"
@@ -139,8 +139,8 @@ def inspect_bag(path: str | Path) -> BagSummary:
 
 def inspect_streams(
     path: str | Path, dofs: DofSpec | None = None
-) -> list[Rejection | SpeedCorrelation]:
-    """Speed correlations of a bag's demonstrations, for `stream_doubts`, or their rejections.
+) -> list[Rejection | RecordingSummary]:
+    """Summaries of a bag's demonstrations, for `stream_doubts`, or their rejections.
 
     Without DOFs, the positions of all tracked bodies and joints are used.
 
@@ -151,7 +151,7 @@ def inspect_streams(
     if dofs is None:
         return []
     return [
-        found if isinstance(found, Rejection) else correlate_speeds(found)
+        found if isinstance(found, Rejection) else summarise(found)
         for found in iter_demonstrations(path, dofs)
     ]
 

@@ -31,11 +31,11 @@ from intent_recognition.learning import (
 from intent_recognition.signals import (
     Demonstration,
     StreamFinding,
-    correlate_speeds,
     label_doubts,
     numbered,
     stream_defect,
     stream_doubts,
+    summarise,
 )
 
 SEGMENTS = {
@@ -104,7 +104,7 @@ def evaluate(
         reasons = "; ".join(map(str, [*left_out.values()][:3])) or "none"
         expected, cure = "recordings to train and to test on", "See docs/recognition.md."
         raise ArgumentError.about("demonstrations", expected, reasons, cure)
-    doubts = stream_doubts([*map(correlate_speeds, usable)])
+    doubts = stream_doubts([*map(summarise, usable)])
     doubts += label_doubts((recorded.name, recorded.task) for recorded in usable)
     angles = angle_references(usable)
     usable = [in_turns(recorded, angles) for recorded in usable]

@@ -33,7 +33,7 @@ from intent_recognition.learning import (
     merge_accumulated,
 )
 from intent_recognition.promp import TaskLibrary
-from intent_recognition.signals import Demonstration, Rejection, SpeedCorrelation, correlate_speeds
+from intent_recognition.signals import Demonstration, RecordingSummary, Rejection, summarise
 
 FRAMES = "frames"
 """Key of the frames in the provenance."""
@@ -99,8 +99,8 @@ class FromBags(NamedTuple):
     rejections: tuple[Rejection, ...] = ()
     n_rejections: int = 0
     dropped: Mapping[str, int] = Counter()  # number of dropped messages, by reason
-    # correlations of both agents' speeds, for `stream_doubts`; limited to the first ones
-    correlations: tuple[SpeedCorrelation, ...] = ()
+    # summaries of the recordings, for `stream_doubts`; limited to the first ones
+    summaries: tuple[RecordingSummary, ...] = ()
     frames: Frames = merge_frames(())  # frames of the poses
 
     def plus(self, other: "FromBags") -> "FromBags":
@@ -110,7 +110,7 @@ class FromBags(NamedTuple):
             (self.rejections + other.rejections)[:NAMES_KEPT],
             self.n_rejections + other.n_rejections,
             Counter(self.dropped) + Counter(other.dropped),
-            (self.correlations + other.correlations)[:NAMES_KEPT],
+            (self.summaries + other.summaries)[:NAMES_KEPT],
             merge_frames([self.frames, other.frames]),
         )
 
@@ -193,7 +193,7 @@ def _collect(
     """Statistics of the demonstrations read from each bag."""
     rejections: list[Rejection] = []
     dropped: Counter[str] = Counter()
-    correlations: list[SpeedCorrelation] = []
+    summaries: list[RecordingSummary] = []
     frames: Frames = {}
 
     def demonstrations() -> Iterator[Demonstration]:
@@ -205,11 +205,11 @@ def _collect(
                 else:
                     dropped.update(found.rejected)
                     frames = merge_frames([frames, found.frames])
-                    if len(correlations) < NAMES_KEPT:
-                        correlations.append(correlate_speeds(found))
+                    if len(summaries) < NAMES_KEPT:
+                        summaries.append(summarise(found))
                     yield found
             progress(1)
 
     accumulated = accumulate(demonstrations(), settings, preprocessing)
     kept = tuple(rejections[:NAMES_KEPT])
-    return FromBags(accumulated, kept, len(rejections), dropped, tuple(correlations), frames)
+    return FromBags(accumulated, kept, len(rejections), dropped, tuple(summaries), frames)

@@ -4,11 +4,11 @@
 from intent_recognition.signals.arrays import FIRST_CLOCK_S, as_numbers, as_stamp_ns, check_times
 from intent_recognition.signals.demonstration import Demonstration, Rejection, numbered
 from intent_recognition.signals.doubts import (
-    SpeedCorrelation,
+    RecordingSummary,
     StreamFinding,
-    correlate_speeds,
     label_doubts,
     stream_doubts,
+    summarise,
 )
 from intent_recognition.signals.observation import Observation, every_second, merge, observations_of
 from intent_recognition.signals.onset import (

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Find doubtful recordings by comparing several: lags, units, copies and misspelt labels.
+"""Find doubtful recordings by comparing several: lags, units, places, copies and labels.
 
 The lag is the time by which the controlled agent follows the observed one.
 """
@@ -17,6 +17,7 @@ from intent_recognition.array_types import Floats
 from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.onset import OnsetSettings, windowed_velocity
 from intent_recognition.signals.signal import Signal
+from intent_recognition.signals.slips import SignalPlace, likely_slip, place_of
 from intent_recognition.signals.streams import LATENCY_S, recording_doubts
 from intent_recognition.signals.units import Size, differing_unit, median_size, size_of
 
@@ -26,11 +27,16 @@ LEAST_CORRELATION, LEAST_GAIN = 0.5, 0.1
 """Least speed correlation at which a lag is meaningful, and its least gain over the correlation at
 the usual lag. Measured: docs/bags.md."""
 LAGS_S = STEP_S * np.arange(-100, 101)
-"""Lags of a `SpeedCorrelation`, (L,) [s]; lags beyond 2 s would shorten the overlap."""
+"""Lags of a `RecordingSummary.correlation`, (L,) [s]; lags beyond 2 s would shorten the overlap."""
 USUAL_SPREAD = 4.0
 """Largest usual deviation of a lag, in robust standard deviations. Measured: docs/bags.md."""
 LEAST_OTHERS = 5
-"""Fewest other recordings that define a usual lag; with three, good recordings are reported."""
+"""Fewest other recordings that define what is usual; with three, good recordings are reported."""
+EDGE_S = 0.2
+"""Length of a recording's first and last part [s] in which the human usually rests."""
+CUT_SPEED, REST_SPEED = 0.5, 0.2
+"""Speed in that part, relative to the highest, from which a recording is cut; and up to which nine
+of ten others rest. Measured: docs/bags.md."""
 COUNTED = re.compile(r"\d+|(?<![^\W_])[^\W_](?![^\W_])")
 """Numbers and single letters, which count labels, as in `reach_2` or `reach_b`."""
 
@@ -45,38 +51,49 @@ class StreamFinding(NamedTuple):
         return f"{self.name}: {self.reason}"
 
 
-class SpeedCorrelation(NamedTuple):
-    """Correlation of both agents' speeds as a function of the controlled agent's lag."""
+class RecordingSummary(NamedTuple):
+    """What `stream_doubts` compares of a recording, small enough to keep many."""
 
     name: str
     task: str | None
-    values: Floats  # correlations at `LAGS_S`, (L,)
+    # correlations of both agents' speeds at the lags `LAGS_S` of the controlled one, (L,)
+    correlation: Floats
     doubts: tuple[str, ...] = ()  # doubts about the recording by itself
     # digest of the observed agent's values, equal for copied recordings
     movement: bytes = b""
     # first DOF and size of the values of each signal
     sizes: tuple[tuple[str, Size], ...] = ()
+    places: tuple[SignalPlace, ...] = ()  # where each signal lies
+    # highest speeds in the first and last `EDGE_S`, relative to the highest of all
+    edges: tuple[float, float] = (0.0, 0.0)
 
     @property
     def lag_s(self) -> float:
         """Lag of the highest correlation [s], positive if the controlled agent follows."""
-        return float(LAGS_S[np.argmax(self.values)])
+        return float(LAGS_S[np.argmax(self.correlation)])
 
 
-def correlate_speeds(recorded: Demonstration) -> SpeedCorrelation:
-    """Summarise a recording for `stream_doubts`, small enough to keep many summaries."""
+def summarise(recorded: Demonstration) -> RecordingSummary:
+    """Summarise a recording for `stream_doubts`."""
     doubts = tuple(recording_doubts(recorded))
     digest = blake2b(digest_size=16)
     for signal in recorded.observed:
         digest.update(np.ascontiguousarray(signal.values).tobytes())
     signals = (*recorded.observed, *recorded.controlled)
     sizes = tuple((signal.names[0], size_of(signal.unit, signal.values)) for signal in signals)
-    return SpeedCorrelation(
-        recorded.name, recorded.task, _correlation(recorded), doubts, digest.digest(), sizes
+    return RecordingSummary(
+        recorded.name,
+        recorded.task,
+        _correlation(recorded),
+        doubts,
+        digest.digest(),
+        sizes,
+        tuple(map(place_of, signals)),
+        _edge_speeds(recorded.observed),
     )
 
 
-def stream_doubts(correlations: Sequence[SpeedCorrelation]) -> list[StreamFinding]:
+def stream_doubts(summaries: Sequence[RecordingSummary]) -> list[StreamFinding]:
     """Recordings whose streams may not belong together, each with the likely cause.
 
     A lag is compared with those of the task's other recordings, or of all others if these are few.
@@ -84,24 +101,24 @@ def stream_doubts(correlations: Sequence[SpeedCorrelation]) -> list[StreamFindin
     late looks the same.
     """
     by_name: dict[str, list[Size]] = {}
-    for name, size in (named for one in correlations for named in one.sizes):
+    for name, size in (named for one in summaries for named in one.sizes):
         by_name.setdefault(name, []).append(size)
     found, sizes = [], {name: median_size(sizes) for name, sizes in by_name.items()}
-    lags = np.array([one.lag_s for one in correlations])
-    tasks = np.array([str(one.task) for one in correlations])
-    for index, one in enumerate(correlations):
-        others = np.arange(len(lags)) != index
-        same = others & (tasks == tasks[index])
-        usual = lags[same if same.sum() >= LEAST_OTHERS else others]
+    for index, one in enumerate(summaries):
+        others = [*summaries[:index], *summaries[index + 1 :]]
+        same = [other for other in others if str(other.task) == str(one.task)]
+        compared = same if len(same) >= LEAST_OTHERS else others
         reasons = [*one.doubts] or [*_other_units(one, sizes)]
-        if not reasons and len(usual) >= LEAST_OTHERS:
-            reasons += _unusual_lag(one, usual)
-        reasons += _same_under_another_label(one, correlations)
+        if not reasons and one.task is not None:
+            reasons = [*_cut_off(one, same)] or [*_slip(one, others)]
+        if not reasons:
+            reasons += _unusual_lag(one, compared)
+        reasons += _same_under_another_label(one, summaries)
         found += [StreamFinding(one.name, reason) for reason in reasons]
     return found
 
 
-def _other_units(one: SpeedCorrelation, usual: Mapping[str, Size]) -> Iterator[str]:
+def _other_units(one: RecordingSummary, usual: Mapping[str, Size]) -> Iterator[str]:
     """Signals whose unit differs from that in most recordings."""
     for name, size in one.sizes:
         found = differing_unit(size, usual[name])
@@ -109,11 +126,35 @@ def _other_units(one: SpeedCorrelation, usual: Mapping[str, Size]) -> Iterator[s
             yield f"{name} {found.reason}"
 
 
+def _cut_off(one: RecordingSummary, others: Sequence[RecordingSummary]) -> Iterator[str]:
+    """Report if a recording begins or ends in motion, and others of its task do not."""
+    if len(others) < LEAST_OTHERS:
+        return
+    usual = np.quantile([other.edges for other in others], 0.9, axis=0)
+    for side, own, rest in zip(("begins", "ends"), one.edges, usual, strict=True):
+        if own > CUT_SPEED and rest < REST_SPEED:
+            yield (
+                f"the recording {side} while the observed agent moves, at {100 * own:.0f}% of its"
+                " highest speed, and the task's other recordings do not. Likely cut off."
+            )
+
+
+def _slip(one: RecordingSummary, others: Sequence[RecordingSummary]) -> Iterator[str]:
+    """Report if a recording lies elsewhere than the others of its task."""
+    by_task: dict[str | None, list[Sequence[SignalPlace]]] = {one.task: []}
+    for other in others:
+        by_task.setdefault(other.task, []).append(other.places)
+    alike = by_task.pop(one.task)
+    of_tasks = {task: places for task, places in by_task.items() if task is not None}
+    if slip := likely_slip(one.places, alike, of_tasks):
+        yield slip
+
+
 def _same_under_another_label(
-    one: SpeedCorrelation, correlations: Sequence[SpeedCorrelation]
+    one: RecordingSummary, summaries: Sequence[RecordingSummary]
 ) -> Iterator[str]:
     """Report if a recording with the same observed movement has another label."""
-    for other in correlations:
+    for other in summaries:
         alike = one.movement and one.movement == other.movement
         if alike and None not in (one.task, other.task) and one.task != other.task:
             yield (
@@ -123,13 +164,16 @@ def _same_under_another_label(
             return
 
 
-def _unusual_lag(one: SpeedCorrelation, usual_s: Floats) -> Iterator[str]:
+def _unusual_lag(one: RecordingSummary, others: Sequence[RecordingSummary]) -> Iterator[str]:
     """Report if the controlled agent follows much earlier or later than in other recordings."""
+    if len(others) < LEAST_OTHERS:
+        return
+    usual_s = np.array([other.lag_s for other in others])
     median = float(np.median(usual_s))
     spread = 1.4826 * float(np.median(np.abs(usual_s - median)))  # of a normal distribution
     away = one.lag_s - median
-    best = float(one.values.max())
-    gain = best - float(np.interp(median, LAGS_S, one.values))
+    best = float(one.correlation.max())
+    gain = best - float(np.interp(median, LAGS_S, one.correlation))
     unusual = abs(away) > max(LATENCY_S, USUAL_SPREAD * spread)
     if unusual and best > LEAST_CORRELATION and gain > LEAST_GAIN:
         side = "later" if away > 0 else "earlier"
@@ -138,6 +182,19 @@ def _unusual_lag(one: SpeedCorrelation, usual_s: Floats) -> Iterator[str]:
             f" other recordings, by the correlation of their speeds ({best:.2f}). A hint, no proof:"
             " two clocks, or an agent that reacted so."
         )
+
+
+def _edge_speeds(observed: Sequence[Signal]) -> tuple[float, float]:
+    """Highest speeds in the first and last `EDGE_S`, relative to the highest of all."""
+    found = np.zeros(2)
+    for signal in observed:
+        times_s = signal.seconds(int(signal.stamps_ns[0]))
+        velocity = windowed_velocity(times_s, signal.values, OnsetSettings.window_s)
+        speed = np.nan_to_num(np.linalg.norm(velocity, axis=1))
+        edges = times_s <= EDGE_S, times_s >= times_s[-1] - EDGE_S
+        highest = max(float(speed.max()), 1e-12)
+        found = np.maximum(found, [speed[edge].max() / highest for edge in edges])
+    return float(found[0]), float(found[1])
 
 
 def _correlation(recorded: Demonstration) -> Floats:

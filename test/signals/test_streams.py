@@ -12,8 +12,8 @@ from intent_recognition.signals import (
     Demonstration,
     Known,
     Signal,
-    correlate_speeds,
     stream_doubts,
+    summarise,
     time_misfit,
 )
 from intent_recognition.signals.streams import common_span, stream_defect
@@ -67,7 +67,7 @@ def every(n: int, signal: Signal) -> Signal:
 
 
 def doubts(*recordings: Demonstration) -> list[str]:
-    return [doubt.reason for doubt in stream_doubts([*map(correlate_speeds, recordings)])]
+    return [doubt.reason for doubt in stream_doubts([*map(summarise, recordings)])]
 
 
 @pytest.mark.parametrize(
@@ -98,8 +98,8 @@ def test_what_is_doubtful_in_one_stream_is_named_and_nothing_else(of, change, wo
 def test_a_good_recording_has_neither_defect_nor_doubt_and_a_lag_that_is_the_reaction():
     good = [recording(f"{i}", reaction_s=0.3 + 0.05 * i) for i in range(6)]
     assert [stream_defect(one) for one in good] == [""] * 6
-    assert stream_doubts([*map(correlate_speeds, good)]) == []
-    assert correlate_speeds(recording(reaction_s=0.4)).lag_s == pytest.approx(0.4, abs=0.021)
+    assert stream_doubts([*map(summarise, good)]) == []
+    assert summarise(recording(reaction_s=0.4)).lag_s == pytest.approx(0.4, abs=0.021)
 
 
 @pytest.mark.parametrize(
@@ -161,7 +161,7 @@ def test_a_shift_whose_edges_were_cut_shows_in_the_speeds_as_a_hint(shift_s):
         start_ns=START_NS + 600_000_000,
         end_ns=START_NS + round((LENGTH_S - 0.6) * 1e9),
     )
-    (doubt,) = stream_doubts([*map(correlate_speeds, [*good, odd])])
+    (doubt,) = stream_doubts([*map(summarise, [*good, odd])])
     side = "later" if shift_s > 0 else "earlier"
     assert doubt.name == "odd" and f"0.50 s {side}" in doubt.reason
     assert "A hint, no proof" in doubt.reason
@@ -207,11 +207,11 @@ def test_one_recording_of_four_in_another_unit_is_named(unit, factor, name, odd)
     """Small movements, so that nothing but the other recordings says so; or three of four."""
     few = [scaled(recording(f"{k}", unit=unit), 0.01) for k in range(4)]
     of_four = [scaled(one, factor) if k == odd else one for k, one in enumerate(few)]
-    (doubt,) = stream_doubts([*map(correlate_speeds, of_four)])
+    (doubt,) = stream_doubts([*map(summarise, of_four)])
     assert doubt.name == str(odd) and f"{name} for" in doubt.reason
     assert f"(a factor of {factor:.4g})" in doubt.reason and doubt.reason.endswith(", here.")
     most = [one if k == odd else scaled(one, factor) for k, one in enumerate(few)]
-    assert [d.reason.split()[-1] for d in stream_doubts([*map(correlate_speeds, most)])][:1]
+    assert [d.reason.split()[-1] for d in stream_doubts([*map(summarise, most)])][:1]
 
 
 def test_a_hand_that_goes_farther_than_its_arm_reaches_is_refused():
@@ -255,10 +255,10 @@ def test_a_joint_may_rest_beside_others_and_two_labels_of_one_movement_are_named
     moving = replace(still, controlled=(*still.controlled, *recording().controlled))
     assert doubts(moving) == []
     first, second = recording("a"), replace(recording("b"), task="wave")
-    found = stream_doubts([*map(correlate_speeds, [first, second])])
+    found = stream_doubts([*map(summarise, [first, second])])
     assert [doubt.name for doubt in found] == ["a", "b"]
     assert "that of b, and the labels differ: reach and wave" in found[0].reason
-    unlabelled = [correlate_speeds(replace(second, task=None)), correlate_speeds(first)]
+    unlabelled = [summarise(replace(second, task=None)), summarise(first)]
     assert stream_doubts(unlabelled) == []
 
 

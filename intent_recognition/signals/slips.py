@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Find a recording that lies elsewhere than the others of its task, and the slip that explains it.
+
+Signals are compared by landmarks: each DOF's first, last, smallest and largest value. A slip is
+named if the recording lies among the others once it is undone: exchanged or negated axes or joints,
+another frame, time that runs backwards, the label of another task.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import combinations, permutations, product
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.array_types import Floats
+from intent_recognition.signals.signal import Signal
+from intent_recognition.signals.turns import TURNS, whole_turns
+
+ODD, ODD_FRAME = 2.5, 5.0
+"""Distances from the other recordings, relative to their own, from which a slip is looked for; and
+from which another frame or label is. Measured: docs/bags.md."""
+EXPLAINED = 0.5
+"""Largest part of the distance that may be left once a slip is undone."""
+FAR = 10.0
+"""Distance from which a recording is named without a slip."""
+LEAST_SPREAD = 0.05
+"""Least standard deviation of a landmark, relative to the extent of the movement."""
+LEAST_ALIKE = 4
+"""Fewest recordings of a task that tell where it lies."""
+
+
+class SignalPlace(NamedTuple):
+    """Where a signal of a recording lies."""
+
+    names: tuple[str, ...]  # of the d DOFs
+    unit: str
+    landmarks: Floats  # first, last, smallest and largest values, (4, d)
+
+
+def place_of(signal: Signal) -> SignalPlace:
+    """Where a signal lies."""
+    values = signal.values
+    landmarks = np.stack([values[0], values[-1], values.min(axis=0), values.max(axis=0)])
+    return SignalPlace(signal.names, signal.unit, landmarks)
+
+
+class _Usual:
+    """Where a signal lies in several recordings; angles are brought to the turn of `place`."""
+
+    def __init__(self, place: SignalPlace, recordings: Sequence[SignalPlace]):
+        self._turn = TURNS.get(place.unit, np.nan)
+        found = np.stack([one.landmarks for one in recordings])
+        found -= whole_turns(found[:, :1] - place.landmarks[0], self._turn)
+        self.middle = np.median(found, axis=0)
+        extent = np.median(np.linalg.norm(found[:, 3] - found[:, 2], axis=1))
+        std = 1.4826 * np.median(np.abs(found - self.middle), axis=0)  # of a normal distribution
+        self._scale = std + max(LEAST_SPREAD * float(extent), 1e-12)
+        self._usual = float(np.median([self._away(one) for one in found])) or 1.0
+
+    def distance(self, landmarks: Floats) -> float:
+        """Distance of landmarks (4, d) from the usual ones, relative to that of most recordings."""
+        turns = whole_turns(landmarks[0] - self.middle[0], self._turn)
+        return self._away(landmarks - turns) / self._usual
+
+    def _away(self, landmarks: Floats) -> float:
+        return float(np.sqrt(np.mean(np.square((landmarks - self.middle) / self._scale))))
+
+
+def likely_slip(
+    places: Sequence[SignalPlace],
+    alike: Iterable[Sequence[SignalPlace]],
+    of_tasks: Mapping[str, Iterable[Sequence[SignalPlace]]],
+) -> str:
+    """Say what in a recording lies unlike the others of its task, and why; empty if nothing does.
+
+    Args:
+        places: of the recording's signals.
+        alike: of the signals of the task's other recordings.
+        of_tasks: of those of each other task.
+    """
+    usual = _usual_places(places, alike)
+    away = [one.distance(place.landmarks) for one, place in zip(usual, places)]
+    if not away or max(away) < ODD:
+        return ""
+    for task, recordings in of_tasks.items() if max(away) >= ODD_FRAME else ():
+        theirs = _usual_places(places, recordings)
+        left = [one.distance(place.landmarks) for one, place in zip(theirs, places)]
+        if left and _explains(max(left), max(away)):
+            return f"it moves as recordings of {task} do. Likely the label of another task."
+    for far, place, one in sorted(zip(away, places, usual), key=lambda found: -found[0]):
+        if found := _slip_of_signal(place, one, far):
+            return found
+    return ""
+
+
+def _slip_of_signal(place: SignalPlace, usual: _Usual, away: float) -> str:
+    """The same for a signal at this distance from where it usually is."""
+    if away < ODD:
+        return ""
+    where = f"{place.names[0]}{', ...' if place.names[1:] else ''} lies"
+    off = place.landmarks - usual.middle
+    shifts = _shifts(place, np.median(off, axis=0)) if away >= ODD_FRAME else ()
+    undone = [(usual.distance(mended), slip) for slip, mended in (*_slips(place), *shifts)]
+    left, slip = min(undone)
+    if _explains(left, away):
+        return f"{where} elsewhere than in the task's other recordings. Likely {slip}."
+    if away < FAR:
+        return ""
+    return (
+        f"{where} up to {np.abs(off).max():.2g} {place.unit} from where it is in the task's other"
+        " recordings. Likely another frame or calibration, or another way of doing the task."
+    )
+
+
+def _explains(left: float, away: float) -> bool:
+    """Whether a slip explains a distance of which this much is left."""
+    return left < min(EXPLAINED * away, ODD)
+
+
+def _usual_places(
+    places: Sequence[SignalPlace], recordings: Iterable[Sequence[SignalPlace]]
+) -> list[_Usual]:
+    """Where each signal usually lies in recordings of the same signals; none if these are few."""
+    names = [place.names for place in places]
+    same = [one for one in recordings if [place.names for place in one] == names]
+    if len(same) < LEAST_ALIKE:
+        return []
+    return [_Usual(place, found) for place, found in zip(places, zip(*same))]
+
+
+def _slips(place: SignalPlace) -> Iterator[tuple[str, Floats]]:
+    """Slips with the landmarks as they are once the slip is undone."""
+    names, landmarks = place.names, place.landmarks
+    n_dofs = len(names)
+    yield "time that runs backwards", landmarks[[1, 0, 2, 3]]
+    if n_dofs == 3 and place.unit not in TURNS:
+        for order in permutations(range(3)):
+            for signs in product((1.0, -1.0), repeat=3):
+                axes = ", ".join("- "[sign > 0].strip() + "xyz"[k] for sign, k in zip(signs, order))
+                said = f"other axes: its ({axes}) are the others' (x, y, z)"
+                yield said, _signed(landmarks[:, order], signs)
+        return
+    for k in range(n_dofs):
+        negated = _signed(landmarks, np.where(np.arange(n_dofs) == k, -1.0, 1.0))
+        yield f"the other sign of {names[k]}", negated
+    for i, j in combinations(range(n_dofs), 2):
+        exchanged = landmarks.copy()
+        exchanged[:, [i, j]] = landmarks[:, [j, i]]
+        yield f"{names[i]} exchanged with {names[j]}", exchanged
+
+
+def _shifts(place: SignalPlace, shift: Floats) -> Iterator[tuple[str, Floats]]:
+    """The same for shifts (d,): of positions as a whole, of others one by one."""
+    if place.unit == "m":
+        away = f"{np.linalg.norm(shift):.2g} m away"
+        yield f"another frame, {away}", place.landmarks - shift
+        return
+    for name, one, column in zip(place.names, shift, np.eye(len(shift))):
+        yield (
+            f"another zero of {name}, {abs(one):.2g} {place.unit} off",
+            (place.landmarks - one * column),
+        )
+
+
+def _signed(landmarks: Floats, signs: Sequence[float] | Floats) -> Floats:
+    """Landmarks (4, d) of DOFs with these signs (d,): the smallest of -x is minus the largest."""
+    first, last, least, most = landmarks * signs
+    return np.stack([first, last, np.minimum(least, most), np.maximum(least, most)])
