@@ -17,7 +17,7 @@ Values = NDArray[Any]
 """A column: numbers, dates, or texts (of dtype object)."""
 MISSING = frozenset(
     {"", "na", "n/a", "nan", "null", "none", "-", "--", "#n/a", "#div/0!", "#value!", "#num!",
-     "<na>", "nat", "#na", "#n/a n/a", r"\n",
+     "<na>", "nat", "#na", "#n/a n/a", r"\n", "inf", "+inf", "-inf", "infinity", "-infinity",
      "nan(ind)", "-nan(ind)", "nan(snan)", "1.#qnan", "-1.#qnan", "1.#ind", "-1.#ind", "1.#snan"}
 )  # fmt: skip
 """Texts, in lower case, of cells without a measurement, as written by pandas, Excel, C and SQL."""
@@ -43,7 +43,8 @@ def cell_at(text: str, row: int) -> str:
 def numbers(values: Values, source: Path, name: str) -> Floats:
     """Convert a column to numbers (T,), NaN where nothing was measured."""
     if values.dtype.kind in "fiub":
-        return values.astype(np.float64)
+        found = values.astype(np.float64)
+        return np.where(np.isinf(found), np.nan, found)
     found = np.empty(values.size)
     cells = without_thousands([str(cell).strip() for cell in values])
     for row, text in enumerate(cells):

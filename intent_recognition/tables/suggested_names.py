@@ -68,9 +68,9 @@ UNIT_END = re.compile(
 """A unit at the end of a name."""
 PLACES = re.compile(r"^(?P<body>.*?)(?P<between>[._ ]?)(?P<axis>[wxyzWXYZ])$")
 AXIS_FIRST = re.compile(
-    r"(?:[pP](?:os)?_?)?(?P<axis>[wxyzWXYZ])[._ ]?(?P<body>\d+|[A-Z].*|(?<=[._ ])\D.*)"
+    r"(?:[pP](?:os)?_?|t)?(?P<axis>[wxyzWXYZ])[._ ]?(?P<body>\d+|[A-Z].*|(?<=[._ ])\D.*)"
 )
-"""Names such as `x1`, `Px1`, `xWrist` and `x_wrist`."""
+"""Names such as `x1`, `Px1`, `xWrist`, `x_wrist` and `tx_wrist`."""
 NO_PLACE = re.compile(
     r"(?i)rotation|orientation|twist|velocity|accel|gyr|euler|quat|(?:^|[\W_])(?:acc|mag)"
     r"|(?-i:[a-z]Acc)|(?:rot|vel|dot|std|omega|ang|angle|theta|force|moment|power|torque|cop|speed"

@@ -23,7 +23,7 @@ from intent_recognition.tables.table import Table
         ("0,5 1,000", [0.5, 1.0]),
         ("0,5 1,000 0.25", [0.5, 1.0, 0.25]),
         ("1.234 2.345 999", [1.234, 2.345, 999.0]),
-        ("1,000 1,125 1.#IND", [1.0, 1.125, np.nan]),
+        ("1,000 1,125 1.#IND -Inf", [1.0, 1.125, np.nan, np.nan]),
         ("1.5 ?", "got '?' in row 2. Name a column of numbers in the map; leave empty what"),
         ("1,000 999", "'1,000' beside '999': thousands?"),
         ("1,000 999.125", "'1,000' beside '999.125': thousands?"),
@@ -38,6 +38,11 @@ def test_the_cells_of_a_column_say_what_a_mark_means(cells, expected):
             numbers(column, Path("a.csv"), "x")
     else:
         np.testing.assert_array_equal(numbers(column, Path("a.csv"), "x"), expected)
+
+
+def test_infinite_numbers_were_not_measured():
+    column = np.array([0.5, -np.inf])
+    np.testing.assert_array_equal(numbers(column, Path("a.csv"), "x"), [0.5, np.nan])
 
 
 def test_texts_of_bytes_are_texts():

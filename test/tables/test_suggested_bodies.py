@@ -236,6 +236,7 @@ def test_landmarks_of_an_image_are_places_of_two_axes_and_a_likelihood_is_no_joi
         ("t,action.x,action.y,action.z,state.x,state.y,state.z", "state.x"),
         ("t,x_dot,y_dot,z_dot,x_cup,y_cup,z_cup", "x_cup"),
         ("t,x_2,y_2,z_2,v_2", "x_2"),
+        ("us,tx_cup,ty_cup,tz_cup,qx_cup,qy_cup,qz_cup,qw_cup", "tx_cup"),
         ("t,xForce,yForce,zForce,xCup,yCup,zCup", "xCup"),
         ("t,q.0,q.1,q.2,cup.0,cup.1,cup.2", "cup"),
         ("t,wrench.0,wrench.1,wrench.2,cup.0,cup.1,cup.2", "cup"),
