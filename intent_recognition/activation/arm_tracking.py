@@ -147,7 +147,7 @@ class ArmTracking:
         while self._history[-1] is not command:
             self._history.pop()
         self.current, self._lateness, self._follows = command, Lateness(), None
-        text = f"the arm {does} an earlier command: the last one never reached it"
+        text = f"the arm {does} an earlier command: the last one never reached it, or it is held"
         self._report_once("command_lost", self.last_command_ns, text)
 
     def _off(self, measured: Measured, n: int | None = None) -> Floats:
