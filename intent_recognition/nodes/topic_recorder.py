@@ -111,9 +111,8 @@ class TopicRecorder(Node):
             self._writer = writer = BagWriter(path, dict(metadata))
             for source in self._sources.values():
                 self._declare(writer, source)
-            now_ns = simulated_ns(self)
             self._begun = False
-            self._begin(writer, time.time_ns() if now_ns is None else now_ns)
+            self._begin(writer)
         self.diagnostics.status(Level.OK, f"recording to {path}")
         self.get_logger().info(f"recording to {path}")
 
@@ -131,6 +130,7 @@ class TopicRecorder(Node):
             writer, self._writer = self._writer, None
             if writer is None:
                 raise BagError.about(asked_by, "a recording", "none", "Start one first.")
+            self._begin(writer)
             self.diagnostics.status(Level.OK, "idle")
             writer.close()
         self.get_logger().info(f"{writer.message_count} messages in {writer.path}")
@@ -230,8 +230,10 @@ class TopicRecorder(Node):
         profile = keep_last(2000, reliable=reliable, latched=latched)
         self._listener.subscribe(resolved, kind, profile)
 
-    def _begin(self, writer: BagWriter, now_ns: int) -> None:
+    def _begin(self, writer: BagWriter) -> None:
         """Write the last message of each latched topic, once the clock runs."""
+        simulated = simulated_ns(self)
+        now_ns = time.time_ns() if simulated is None else simulated
         if self._begun or now_ns == 0:
             return
         self._begun = True
@@ -251,7 +253,7 @@ class TopicRecorder(Node):
             source = self._sources[topic]
             message = RawMessage(source.name, source.type, received_ns, sent_ns, data)
             if self._writer is not None:
-                self._begin(self._writer, received_ns)
+                self._begin(self._writer)
             if source.latched:
                 source.last = message
             elif received_ns == 0 and self._writer is not None:

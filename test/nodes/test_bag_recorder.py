@@ -197,6 +197,24 @@ def test_simulated_time_is_what_is_logged_and_a_bag_begins_with_it(harness, tmp_
     assert [m.publish_time_ns for m in bag.raw_messages()] == times_ns
 
 
+def test_a_bag_in_which_nothing_came_once_the_clock_ran_has_what_was_latched(harness, tmp_path):
+    clock, latched = (
+        harness.publisher(Clock, "/clock", STATE),
+        harness.publisher(String, "plan", LATCHED),
+    )
+    parameters = {"output": str(tmp_path / "bag"), "topics": ["plan"], "use_sim_time": True}
+    node = harness.add(recorder(**parameters))
+    harness.spin_until(lambda: "/plan" in node.listening)
+    harness.connect(clock, latched)
+    latched.publish(String(data="first"))
+    harness.spin_until(lambda: node._sources["/plan"].last is not None)
+    clock.publish(Clock(clock=Time(sec=5)))
+    harness.spin_until(lambda: node.get_clock().now().nanoseconds == 5_000_000_000)
+    node.stop()
+    (message,) = BagReader(tmp_path / "bag").messages(["plan"])
+    assert (message.message.data, message.log_time_ns) == ("first", 5_000_000_000)
+
+
 @pytest.mark.parametrize("topics", [{}, {"topics": ["late", "early"]}])
 def test_topics_that_nobody_publishes_are_named_once(harness, tmp_path, monkeypatch, topics):
     monkeypatch.setattr(topic_recorder, "PATIENCE_S", 0.5)
