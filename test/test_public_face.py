@@ -166,6 +166,16 @@ def test_a_misspelt_label_is_a_warning(demonstrations):
         ir.learn([*demonstrations[:-1], odd], ir.TrainingSettings(switching=False))
 
 
+def test_a_demonstration_in_another_frame_is_a_warning(demonstrations):
+    """Four others are enough to know where the task is."""
+    one = demonstrations[0]
+    others = [replace(one, name=f"more_{k}") for k in range(3)]
+    (human,) = one.observed
+    odd = replace(one, name="odd", observed=(replace(human, values=human.values + 2.0),))
+    with pytest.warns(UserWarning, match=r"odd: .* Likely another frame, 3.5 m away"):
+        ir.learn([*demonstrations, *others, odd], ir.TrainingSettings(switching=False))
+
+
 @pytest.mark.parametrize(
     ("call", "says"),
     [

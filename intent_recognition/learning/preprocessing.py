@@ -6,7 +6,7 @@ other times, or by other processes, can be merged.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -29,8 +29,10 @@ from intent_recognition.signals import (
     begin_near,
     differing_unit,
     first_values,
+    likely_slip,
     median_size,
     onset_settings,
+    place_of,
     size_of,
     turn_reference,
 )
@@ -266,15 +268,41 @@ def other_units_of(
     ]
 
 
+def slips_of(
+    tasks: Mapping[str, TaskStatistics], preprocessing: Preprocessing
+) -> list[StreamFinding]:
+    """Demonstrations that lie elsewhere than others of their task, each with the likely slip."""
+    places = {
+        task: [
+            [place_of(*signal) for signal in _signals(example, preprocessing)]
+            for example in statistics.examples
+        ]
+        for task, statistics in tasks.items()
+    }
+    found = []
+    for task, own in places.items():
+        others = {other: of_task for other, of_task in places.items() if other != task}
+        for k, example in enumerate(tasks[task].examples):
+            if slip := likely_slip(own[k], [*own[:k], *own[k + 1 :]], others):
+                found.append(StreamFinding(example.name, slip))
+    return found
+
+
 def _sizes(example: TrainingExample, preprocessing: Preprocessing) -> dict[str, Size]:
     """Size of each signal's values, keyed by its first DOF."""
-    found = {}
+    signals = _signals(example, preprocessing)
+    return {names[0]: size_of(unit, values) for names, unit, values in signals}
+
+
+def _signals(
+    example: TrainingExample, preprocessing: Preprocessing
+) -> Iterator[tuple[tuple[str, ...], str, Floats]]:
+    """DOFs, unit and values (T, d) of each signal during the movement."""
     for signals, values in (
         (preprocessing.observed, example.observed),
         (preprocessing.controlled, example.controlled),
     ):
         first = 0
         for names, unit in signals:
-            found[names[0]] = size_of(unit, values[:, first : first + len(names)])
+            yield names, unit, values[:, first : first + len(names)]
             first += len(names)
-    return found

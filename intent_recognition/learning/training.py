@@ -27,7 +27,12 @@ from intent_recognition.learning.left_out import (
     learn_left_out_odds,
     learn_switch_margin,
 )
-from intent_recognition.learning.preprocessing import Preprocessing, example_of, other_units_of
+from intent_recognition.learning.preprocessing import (
+    Preprocessing,
+    example_of,
+    other_units_of,
+    slips_of,
+)
 from intent_recognition.learning.selection import Choice, choose
 from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.learning.statistics import TaskStatistics, merge_tasks, summarize
@@ -94,7 +99,7 @@ def learn(
     Noise, alignment in time and the margin over unknown movements are chosen by
     cross-validation. Demonstrations that cannot be used (too short, other DOFs, no label) are left
     out with a warning; `learn_with_report` returns which and why instead. A demonstration that
-    seems to have other units than the rest, or a misspelt label, is used, with a warning.
+    seems to have another unit, frame, order or label than the rest is used, with a warning.
 
     Args:
         demonstrations: labelled recordings with the same DOFs: a list, or a stream of any length,
@@ -114,8 +119,9 @@ def learn(
             f"{report.n_rejected} of {n} demonstrations are left out: {first}", stacklevel=2
         )
     trained = report.trained
-    units = other_units_of(trained.tasks, trained.tasks, trained.preprocessing)
-    for finding in [*units, *report.doubtful]:
+    odd = other_units_of(trained.tasks, trained.tasks, trained.preprocessing)
+    odd = odd or slips_of(trained.tasks, trained.preprocessing)
+    for finding in [*odd, *report.doubtful]:
         warnings.warn(str(finding), stacklevel=2)
     return report.library
 

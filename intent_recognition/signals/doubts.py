@@ -88,7 +88,7 @@ def summarise(recorded: Demonstration) -> RecordingSummary:
         doubts,
         digest.digest(),
         sizes,
-        tuple(map(place_of, signals)),
+        tuple(place_of(one.names, one.unit, one.values) for one in signals),
         _edge_speeds(recorded.observed),
     )
 

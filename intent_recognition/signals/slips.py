@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.array_types import Floats
-from intent_recognition.signals.signal import Signal
 from intent_recognition.signals.turns import TURNS, whole_turns
 
 ODD, ODD_FRAME = 2.5, 5.0
@@ -37,11 +36,10 @@ class SignalPlace(NamedTuple):
     landmarks: Floats  # first, last, smallest and largest values, (4, d)
 
 
-def place_of(signal: Signal) -> SignalPlace:
-    """Where a signal lies."""
-    values = signal.values
+def place_of(names: tuple[str, ...], unit: str, values: Floats) -> SignalPlace:
+    """Where a signal with values (T, d) lies."""
     landmarks = np.stack([values[0], values[-1], values.min(axis=0), values.max(axis=0)])
-    return SignalPlace(signal.names, signal.unit, landmarks)
+    return SignalPlace(names, unit, landmarks)
 
 
 class _Usual:
@@ -85,7 +83,8 @@ def likely_slip(
     for task, recordings in of_tasks.items() if max(away) >= ODD_FRAME else ():
         theirs = _usual_places(places, recordings)
         left = [one.distance(place.landmarks) for one, place in zip(theirs, places)]
-        if left and _explains(max(left), max(away)):
+        nearer = bool(left) and all(there <= here for there, here in zip(left, away))
+        if nearer and _explains(max(left), max(away)):
             return f"it moves as recordings of {task} do. Likely the label of another task."
     for far, place, one in sorted(zip(away, places, usual), key=lambda found: -found[0]):
         if found := _slip_of_signal(place, one, far):
