@@ -29,7 +29,7 @@ from intent_recognition.signals import (
     begin_near,
     differing_unit,
     first_values,
-    likely_slip,
+    likely_slips,
     median_size,
     onset_settings,
     place_of,
@@ -279,13 +279,13 @@ def slips_of(
         ]
         for task, statistics in tasks.items()
     }
-    found = []
-    for task, own in places.items():
-        others = {other: of_task for other, of_task in places.items() if other != task}
-        for k, example in enumerate(tasks[task].examples):
-            if slip := likely_slip(own[k], [*own[:k], *own[k + 1 :]], others):
-                found.append(StreamFinding(example.name, slip))
-    return found
+    found = likely_slips(places)
+    return [
+        StreamFinding(example.name, slip)
+        for task, statistics in tasks.items()
+        for example, slip in zip(statistics.examples, found[task], strict=True)
+        if slip
+    ]
 
 
 def _sizes(example: TrainingExample, preprocessing: Preprocessing) -> dict[str, Size]:

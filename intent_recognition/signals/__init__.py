@@ -51,7 +51,7 @@ from intent_recognition.signals.signal import (
     Signal,
     can_name_task,
 )
-from intent_recognition.signals.slips import likely_slip, place_of
+from intent_recognition.signals.slips import likely_slips, place_of
 from intent_recognition.signals.streams import (
     common_span,
     hidden_rows,

@@ -17,7 +17,7 @@ from intent_recognition.array_types import Floats
 from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.onset import OnsetSettings, windowed_velocity
 from intent_recognition.signals.signal import Signal
-from intent_recognition.signals.slips import SignalPlace, likely_slip, place_of
+from intent_recognition.signals.slips import SignalPlace, likely_slips, place_of
 from intent_recognition.signals.streams import LATENCY_S, recording_doubts
 from intent_recognition.signals.units import Size, differing_unit, median_size, size_of
 
@@ -104,13 +104,14 @@ def stream_doubts(summaries: Sequence[RecordingSummary]) -> list[StreamFinding]:
     for name, size in (named for one in summaries for named in one.sizes):
         by_name.setdefault(name, []).append(size)
     found, sizes = [], {name: median_size(sizes) for name, sizes in by_name.items()}
+    slips = _slips(summaries)
     for index, one in enumerate(summaries):
         others = [*summaries[:index], *summaries[index + 1 :]]
         same = [other for other in others if str(other.task) == str(one.task)]
         compared = same if len(same) >= LEAST_OTHERS else others
         reasons = [*one.doubts] or [*_other_units(one, sizes)]
         if not reasons and one.task is not None:
-            reasons = [*_cut_off(one, same)] or [*_slip(one, others)]
+            reasons = [*_cut_off(one, same)] or [slips[index]][: bool(slips[index])]
         if not reasons:
             reasons += _unusual_lag(one, compared)
         reasons += _same_under_another_label(one, summaries)
@@ -139,15 +140,18 @@ def _cut_off(one: RecordingSummary, others: Sequence[RecordingSummary]) -> Itera
             )
 
 
-def _slip(one: RecordingSummary, others: Sequence[RecordingSummary]) -> Iterator[str]:
-    """Report if a recording lies elsewhere than the others of its task."""
-    by_task: dict[str | None, list[Sequence[SignalPlace]]] = {one.task: []}
-    for other in others:
-        by_task.setdefault(other.task, []).append(other.places)
-    alike = by_task.pop(one.task)
-    of_tasks = {task: places for task, places in by_task.items() if task is not None}
-    if slip := likely_slip(one.places, alike, of_tasks):
-        yield slip
+def _slips(summaries: Sequence[RecordingSummary]) -> list[str]:
+    """What in each labelled recording lies unlike the others of its task; empty if nothing does."""
+    by_task: dict[str, list[int]] = {}
+    for index, one in enumerate(summaries):
+        if one.task is not None:
+            by_task.setdefault(one.task, []).append(index)
+    found = likely_slips({t: [summaries[i].places for i in own] for t, own in by_task.items()})
+    slips = [""] * len(summaries)
+    for task, own in by_task.items():
+        for index, slip in zip(own, found[task], strict=True):
+            slips[index] = slip
+    return slips
 
 
 def _same_under_another_label(

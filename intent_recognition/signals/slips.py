@@ -6,7 +6,7 @@ named if the recording lies among the others once it is undone: exchanged or neg
 another frame, time that runs backwards, the label of another task.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations, permutations, product
 from typing import NamedTuple
 
@@ -15,16 +15,16 @@ import numpy as np
 from intent_recognition.array_types import Floats
 from intent_recognition.signals.turns import TURNS, whole_turns
 
-ODD, ODD_FRAME = 2.5, 5.0
-"""Distances from the other recordings, relative to their own, from which a slip is looked for; and
-from which another frame or label is. Measured: docs/bags.md."""
+ODD = 2.5
+"""Distance from where recordings usually are, relative to that of most, from which a slip is looked
+for. Measured: docs/bags.md."""
 EXPLAINED = 0.5
 """Largest part of the distance that may be left once a slip is undone."""
 FAR = 10.0
 """Distance from which a recording is named without a slip."""
 LEAST_SPREAD = 0.05
 """Least standard deviation of a landmark, relative to the extent of the movement."""
-LEAST_ALIKE = 4
+LEAST_ALIKE = 5
 """Fewest recordings of a task that tell where it lies."""
 
 
@@ -42,13 +42,30 @@ def place_of(names: tuple[str, ...], unit: str, values: Floats) -> SignalPlace:
     return SignalPlace(names, unit, landmarks)
 
 
-class _Usual:
-    """Where a signal lies in several recordings; angles are brought to the turn of `place`."""
+def likely_slips(recordings: Mapping[str, Sequence[Sequence[SignalPlace]]]) -> dict[str, list[str]]:
+    """Say what in each recording lies unlike the others of its task, and why.
 
-    def __init__(self, place: SignalPlace, recordings: Sequence[SignalPlace]):
-        self._turn = TURNS.get(place.unit, np.nan)
+    Args:
+        recordings: of each task; a recording is the places of its signals.
+
+    Returns:
+        For each recording of each task a sentence, empty if it lies among the others.
+    """
+    usual = {task: _usual_places(of_task) for task, of_task in recordings.items()}
+    return {
+        task: [_slip(places, task, usual) for places in of_task]
+        for task, of_task in recordings.items()
+    }
+
+
+class _Usual:
+    """Where a signal lies in several recordings; angles are brought to one turn."""
+
+    def __init__(self, recordings: Sequence[SignalPlace]):
+        first = recordings[0]
+        self.names, self._turn = first.names, TURNS.get(first.unit, np.nan)
         found = np.stack([one.landmarks for one in recordings])
-        found -= whole_turns(found[:, :1] - place.landmarks[0], self._turn)
+        found -= whole_turns(found[:, :1] - first.landmarks[0], self._turn)
         self.middle = np.median(found, axis=0)
         extent = np.median(np.linalg.norm(found[:, 3] - found[:, 2], axis=1))
         std = 1.4826 * np.median(np.abs(found - self.middle), axis=0)  # of a normal distribution
@@ -64,42 +81,44 @@ class _Usual:
         return float(np.sqrt(np.mean(np.square((landmarks - self.middle) / self._scale))))
 
 
-def likely_slip(
-    places: Sequence[SignalPlace],
-    alike: Iterable[Sequence[SignalPlace]],
-    of_tasks: Mapping[str, Iterable[Sequence[SignalPlace]]],
-) -> str:
-    """Say what in a recording lies unlike the others of its task, and why; empty if nothing does.
+def _usual_places(recordings: Sequence[Sequence[SignalPlace]]) -> list[_Usual]:
+    """Where each signal usually lies in recordings of the same signals; none if these are few."""
+    names = [[place.names for place in places] for places in recordings]
+    same = [one for one, own in zip(recordings, names) if own == names[0]]
+    return [_Usual(found) for found in zip(*same)] if len(same) >= LEAST_ALIKE else []
 
-    Args:
-        places: of the recording's signals.
-        alike: of the signals of the task's other recordings.
-        of_tasks: of those of each other task.
-    """
-    usual = _usual_places(places, alike)
-    away = [one.distance(place.landmarks) for one, place in zip(usual, places)]
+
+def _distances(places: Sequence[SignalPlace], usual: Sequence[_Usual]) -> list[float]:
+    """Distance of each signal from where it usually is; none if the signals are others."""
+    if [place.names for place in places] != [one.names for one in usual]:
+        return []
+    return [one.distance(place.landmarks) for one, place in zip(usual, places)]
+
+
+def _slip(places: Sequence[SignalPlace], task: str, usual: Mapping[str, Sequence[_Usual]]) -> str:
+    """The slip of a recording of a task."""
+    away = _distances(places, usual[task])
     if not away or max(away) < ODD:
         return ""
-    for task, recordings in of_tasks.items() if max(away) >= ODD_FRAME else ():
-        theirs = _usual_places(places, recordings)
-        left = [one.distance(place.landmarks) for one, place in zip(theirs, places)]
+    for other, theirs in usual.items():
+        left = _distances(places, theirs)
         nearer = bool(left) and all(there <= here for there, here in zip(left, away))
         if nearer and _explains(max(left), max(away)):
-            return f"it moves as recordings of {task} do. Likely the label of another task."
-    for far, place, one in sorted(zip(away, places, usual), key=lambda found: -found[0]):
+            return f"it moves as recordings of {other} do. Likely the label of another task."
+    for far, place, one in sorted(zip(away, places, usual[task]), key=lambda found: -found[0]):
         if found := _slip_of_signal(place, one, far):
             return found
     return ""
 
 
 def _slip_of_signal(place: SignalPlace, usual: _Usual, away: float) -> str:
-    """The same for a signal at this distance from where it usually is."""
+    """The slip of a signal at this distance from where it usually is."""
     if away < ODD:
         return ""
     where = f"{place.names[0]}{', ...' if place.names[1:] else ''} lies"
     off = place.landmarks - usual.middle
-    shifts = _shifts(place, np.median(off, axis=0)) if away >= ODD_FRAME else ()
-    undone = [(usual.distance(mended), slip) for slip, mended in (*_slips(place), *shifts)]
+    slips = *_slips(place), *_shifts(place, np.median(off, axis=0))
+    undone = [(usual.distance(mended), slip) for slip, mended in slips]
     left, slip = min(undone)
     if _explains(left, away):
         return f"{where} elsewhere than in the task's other recordings. Likely {slip}."
@@ -114,17 +133,6 @@ def _slip_of_signal(place: SignalPlace, usual: _Usual, away: float) -> str:
 def _explains(left: float, away: float) -> bool:
     """Whether a slip explains a distance of which this much is left."""
     return left < min(EXPLAINED * away, ODD)
-
-
-def _usual_places(
-    places: Sequence[SignalPlace], recordings: Iterable[Sequence[SignalPlace]]
-) -> list[_Usual]:
-    """Where each signal usually lies in recordings of the same signals; none if these are few."""
-    names = [place.names for place in places]
-    same = [one for one in recordings if [place.names for place in one] == names]
-    if len(same) < LEAST_ALIKE:
-        return []
-    return [_Usual(place, found) for place, found in zip(places, zip(*same))]
 
 
 def _slips(place: SignalPlace) -> Iterator[tuple[str, Floats]]:
