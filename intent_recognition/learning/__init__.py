@@ -55,6 +55,7 @@ from intent_recognition.learning.preprocessing import (
     example_of,
     examples_together,
     in_turns,
+    slips_of,
 )
 from intent_recognition.learning.selection import FRACTIONS
 from intent_recognition.learning.settings import SEGMENTATIONS, TrainingSettings

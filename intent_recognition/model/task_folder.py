@@ -44,6 +44,7 @@ from intent_recognition.learning import (
     is_outdated,
     learn_accumulated,
     move_task,
+    slips_of,
     with_margins,
 )
 from intent_recognition.model.file import Model, check_dofs, load_model, load_trained, save_model
@@ -53,7 +54,7 @@ from intent_recognition.model.folder_content import (
     is_correction,
     is_finished,
 )
-from intent_recognition.model.from_bags import accumulate_bags, with_frames
+from intent_recognition.model.from_bags import FromBags, accumulate_bags, with_frames
 from intent_recognition.model.history import (
     HISTORY,
     IMPROVE,
@@ -68,10 +69,19 @@ from intent_recognition.model.history import (
     standing,
     undoable,
 )
+from intent_recognition.signals import StreamFinding
 
 BAGS, UNDONE, MODELS, PRACTICE = "bags", "undone", "models", "practice"
 DAMAGED, LOCK, UNFINISHED = "history.damaged", ".lock", "unfinished"
 METADATA = "metadata.yaml"
+
+
+def _doubts_about(found: FromBags, trained: Trained) -> tuple[str, ...]:
+    """Doubts about recordings, by themselves and beside all others of their task."""
+    own = [StreamFinding(one.name, doubt) for one in found.summaries for doubt in one.doubts]
+    names = {one.name for one in found.summaries} - {one.name for one in own}
+    slips = slips_of(trained.tasks, trained.preprocessing)
+    return tuple(str(doubt) for doubt in [*own, *(one for one in slips if one.name in names)])
 
 
 def now() -> datetime:
@@ -84,6 +94,9 @@ class TaskFolder:
 
     `dofs` must match the model's, if there is one; `clock` gives the times in the history.
 
+    Attributes:
+        doubts: what is doubtful in the recordings that were learned last, each in a sentence.
+
     Raises:
         ResourceBusyError: the folder cannot be created.
         DofError: the model in the folder has other DOFs.
@@ -91,7 +104,7 @@ class TaskFolder:
 
     def __init__(self, path: str | Path, dofs: DofSpec, clock: Callable[[], datetime] = now):
         self.path = Path(path).absolute()
-        self.dofs = dofs
+        self.dofs, self.doubts = dofs, tuple[str, ...]()
         self._clock = clock
         try:
             for name in (BAGS, MODELS):
@@ -170,6 +183,7 @@ class TaskFolder:
             for change in standing(self.history()):
                 if change.bag == name:  # another teacher was faster
                     return change
+            self.doubts = ()
             try:
                 trained = self._more(bag) if self.model_path.exists() else self._first(bag)
             except (BagError, TrainingError):
@@ -261,6 +275,7 @@ class TaskFolder:
             return with_frames(move_task(trained, corrected, earlier), found.frames)
         new = found.accumulated
         more = with_frames(add_statistics(trained, new.tasks, new.used), found.frames)
+        self.doubts = _doubts_about(found, more)
         before, now = ({label: s.n for label, s in t.tasks.items()} for t in (trained, more))
         return with_margins(more) if is_outdated(before, now) else more
 
@@ -279,7 +294,9 @@ class TaskFolder:
         check_usable(found, self.path / BAGS)
         if found.accumulated.n_used == len(found.accumulated.tasks):
             return None
-        return with_frames(learn_accumulated(found.accumulated).trained, found.frames)
+        trained = learn_accumulated(found.accumulated).trained
+        self.doubts = _doubts_about(found, trained)
+        return with_frames(trained, found.frames)
 
     def _keep(self, action: str, task: str, bag: str, trained: Trained | None) -> Change:
         if trained is None:

@@ -142,18 +142,20 @@ class TaskTeacher(TopicRecorder):
         """
         if not self.waiting:
             raise BagError.about("~/learn", "recordings", "none", "Record one first.")
-        learned: list[str] = []
+        learned, doubts = list[str](), list[str]()
         change: Change | None = None
         failure: IntentError | OSError | None = None
         while self.waiting and failure is None:
             try:
                 change = self.folder.learn(self.waiting[0])
                 learned.append(self.waiting[0].name)
+                doubts += self.folder.doubts
             except (IntentError, OSError) as error:
                 failure = error
             if not isinstance(failure, (ResourceBusyError, OSError)):
                 self.waiting.pop(0)
-        text = "" if change is None else self.changed(change, f"learned {', '.join(learned)}")
+        what = "; ".join([f"learned {', '.join(learned)}", *(f"doubtful {one}" for one in doubts)])
+        text = "" if change is None else self.changed(change, what)
         if failure is not None:
             self.report(Level.WARN, f"not learned: {failure}")
             raise failure

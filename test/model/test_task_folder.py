@@ -2,6 +2,7 @@
 """A library of tasks on disk: it grows, it goes back, and nothing recorded is lost."""
 
 import json
+from dataclasses import replace
 from datetime import datetime, timezone
 
 import pytest
@@ -63,6 +64,21 @@ def test_evidence_against_none_is_read_as_by_training_anew(started):
     assert trained.library.none_margin == pytest.approx(anew, rel=1e-6)
     first = load_model(started[0].path / "models" / "0001.npz").library
     assert first.none_margin != pytest.approx(anew, rel=0.01)
+
+
+@pytest.mark.slow
+def test_what_is_doubtful_in_a_recording_is_told(started, tmp_path):
+    """In another frame: of five recordings of its task four show where it is."""
+    folder = copy_of(started[0], tmp_path / "copy")
+    assert not folder.doubts
+    teach(folder, 0, 20)
+    assert not folder.doubts
+    (human,) = (odd := perform(TRUTH, 0, 21)).observed
+    odd = replace(odd, observed=(replace(human, values=human.values + 1.0),))
+    bag = write_recording(folder.new_bag(TRUTH.labels[0]), odd, DOFS)
+    assert folder.learn(bag).tasks[TRUTH.labels[0]] == 5
+    (doubt,) = folder.doubts
+    assert doubt.startswith(f"{bag.name}: ") and "Likely another frame, 1.7 m away" in doubt
 
 
 @pytest.mark.slow
