@@ -66,7 +66,8 @@ def add_to_model(
         accumulated.n_rejected,
         more,
     )
-    return Model(more.library, dofs), with_found(report, found.rejections, found.summaries)
+    report = with_found(report, found.rejections, found.summaries)
+    return Model(more.library, dofs), report._replace(doubts=tuple(found.doubts(more)))
 
 
 def _print_known(console: Console, trained: Trained, accumulated: Accumulated) -> None:

@@ -31,9 +31,17 @@ from intent_recognition.learning import (
     TrainingSettings,
     accumulate,
     merge_accumulated,
+    slips_of,
 )
 from intent_recognition.promp import TaskLibrary
-from intent_recognition.signals import Demonstration, RecordingSummary, Rejection, summarise
+from intent_recognition.signals import (
+    Demonstration,
+    RecordingSummary,
+    Rejection,
+    StreamFinding,
+    stream_doubts,
+    summarise,
+)
 
 FRAMES = "frames"
 """Key of the frames in the provenance."""
@@ -102,6 +110,13 @@ class FromBags(NamedTuple):
     # summaries of the recordings, for `stream_doubts`; limited to the first ones
     summaries: tuple[RecordingSummary, ...] = ()
     frames: Frames = merge_frames(())  # frames of the poses
+
+    def doubts(self, trained: Trained) -> list[StreamFinding]:
+        """What is doubtful in them, also beside all that `trained` was learned from."""
+        doubts = stream_doubts(self.summaries)
+        others = {one.name for one in self.summaries} - {doubt.name for doubt in doubts}
+        slips = slips_of(trained.tasks, trained.preprocessing)
+        return [*doubts, *(slip for slip in slips if slip.name in others)]
 
     def plus(self, other: "FromBags") -> "FromBags":
         """Combine both."""

@@ -44,7 +44,6 @@ from intent_recognition.learning import (
     is_outdated,
     learn_accumulated,
     move_task,
-    slips_of,
     with_margins,
 )
 from intent_recognition.model.file import Model, check_dofs, load_model, load_trained, save_model
@@ -54,7 +53,7 @@ from intent_recognition.model.folder_content import (
     is_correction,
     is_finished,
 )
-from intent_recognition.model.from_bags import FromBags, accumulate_bags, with_frames
+from intent_recognition.model.from_bags import accumulate_bags, with_frames
 from intent_recognition.model.history import (
     HISTORY,
     IMPROVE,
@@ -69,19 +68,10 @@ from intent_recognition.model.history import (
     standing,
     undoable,
 )
-from intent_recognition.signals import StreamFinding
 
 BAGS, UNDONE, MODELS, PRACTICE = "bags", "undone", "models", "practice"
 DAMAGED, LOCK, UNFINISHED = "history.damaged", ".lock", "unfinished"
 METADATA = "metadata.yaml"
-
-
-def _doubts_about(found: FromBags, trained: Trained) -> tuple[str, ...]:
-    """Doubts about recordings, by themselves and beside all others of their task."""
-    own = [StreamFinding(one.name, doubt) for one in found.summaries for doubt in one.doubts]
-    names = {one.name for one in found.summaries} - {one.name for one in own}
-    slips = slips_of(trained.tasks, trained.preprocessing)
-    return tuple(str(doubt) for doubt in [*own, *(one for one in slips if one.name in names)])
 
 
 def now() -> datetime:
@@ -275,7 +265,7 @@ class TaskFolder:
             return with_frames(move_task(trained, corrected, earlier), found.frames)
         new = found.accumulated
         more = with_frames(add_statistics(trained, new.tasks, new.used), found.frames)
-        self.doubts = _doubts_about(found, more)
+        self.doubts = tuple(map(str, found.doubts(more)))
         before, now = ({label: s.n for label, s in t.tasks.items()} for t in (trained, more))
         return with_margins(more) if is_outdated(before, now) else more
 
@@ -295,7 +285,7 @@ class TaskFolder:
         if found.accumulated.n_used == len(found.accumulated.tasks):
             return None
         trained = learn_accumulated(found.accumulated).trained
-        self.doubts = _doubts_about(found, trained)
+        self.doubts = tuple(map(str, found.doubts(trained)))
         return with_frames(trained, found.frames)
 
     def _keep(self, action: str, task: str, bag: str, trained: Trained | None) -> Change:
