@@ -18,9 +18,11 @@ Values = NDArray[Any]
 MISSING = frozenset(
     {"", "na", "n/a", "nan", "null", "none", "-", "--", "#n/a", "#div/0!", "#value!", "#num!",
      "<na>", "nat", "#na", "#n/a n/a", r"\n", "inf", "+inf", "-inf", "infinity", "-infinity",
-     "nan(ind)", "-nan(ind)", "nan(snan)", "1.#qnan", "-1.#qnan", "1.#ind", "-1.#ind", "1.#snan"}
+     "nan(ind)", "-nan(ind)", "nan(snan)", "1.#qnan", "-1.#qnan", "1.#ind", "-1.#ind", "1.#snan",
+     ".", "missing", "n.a.", "undefined"}
 )  # fmt: skip
-"""Texts, in lower case, of cells without a measurement, as written by pandas, Excel, C and SQL."""
+"""Texts, in lower case, of cells without a measurement, as written by pandas, Excel, C, SQL, SAS,
+Julia and JavaScript."""
 THOUSANDS = re.compile(
     r"([+-]?\d{1,3})((?:[ '\u2019\u00a0\u202f]\d{3})+|(?:,\d{3})+(?=\.)|(?:,\d{3}){2,})"
 )
@@ -41,10 +43,10 @@ def cell_at(text: str, row: int) -> str:
 
 
 def numbers(values: Values, source: Path, name: str) -> Floats:
-    """Convert a column to numbers (T,), NaN where nothing was measured."""
+    """Convert a column to numbers (T,), NaN where nothing was measured or a number is infinite."""
     if values.dtype.kind in "fiub":
         found = values.astype(np.float64)
-        return np.where(np.isinf(found), np.nan, found)
+        return np.where(np.isfinite(found), found, np.nan)
     found = np.empty(values.size)
     cells = without_thousands([str(cell).strip() for cell in values])
     for row, text in enumerate(cells):
@@ -55,7 +57,7 @@ def numbers(values: Values, source: Path, name: str) -> Floats:
             got = cell_at(text, row)
             raise BagError.about(f"{source}: {name}", "numbers", got, cure) from error
     _check_marks(cells, source, name)
-    return found
+    return np.where(np.isfinite(found), found, np.nan)
 
 
 def without_thousands(cells: Sequence[str]) -> Sequence[str]:

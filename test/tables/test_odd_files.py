@@ -179,8 +179,12 @@ def test_minus_signs_of_unicode_are_read(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "cell", ["#N/A", "#DIV/0!", "-", "NaN", "inf", "-nan(ind)", "1.#QNAN", "<NA>", "NaT", r"\N"]
-)
+    "cell",
+    [
+        "#N/A", "#DIV/0!", "-", "NaN", "inf", "-nan(ind)", "1.#QNAN", "<NA>", "NaT", r"\N", ".",
+        "missing", "n.a.", "undefined",
+    ],
+)  # fmt: skip
 def test_cells_of_what_was_not_measured(cell, tmp_path):
     samples, said = imported_csv(tmp_path, plain(hidden=range(60, 80), cell=cell), unit="mm")
     assert not said
