@@ -203,7 +203,8 @@ def suggest_of_bags(source: Path, bags: Sequence[Path]) -> str:
         for topic in poses
         for at in places[topic]
     ]
-    entries += [joints for topic in states for joints in _joints(reader, topic)]
+    joints = {topic: [*_joints(reader, topic)] for topic in states}
+    entries += [one for of in joints.values() for one in of]
     if not entries:
         got = ", ".join(f"{t.name} ({t.type})" for t in reader.topics.values()) or "no topics"
         cure = "Write the DOF file by hand (docs/bags.md)."
@@ -212,7 +213,8 @@ def suggest_of_bags(source: Path, bags: Sequence[Path]) -> str:
     entries = person_first(entries)
     pattern = name_pattern(source, bags)
     named = f"files: {flow(pattern)}" if "{task}" in pattern else "task: give_it_a_name"
-    others = [t.name for t in reader.topics.values() if t.name not in (*poses, *states)]
+    used = {*poses, *(topic for topic, of in joints.items() if of)}
+    others = [topic for topic in reader.topics if topic not in used]
     lines = [
         f"# Suggested from {bags[0].name}: bags of ROS, whose messages stay as they are.",
         "# Delete what is not needed, move what the robot does to `controlled`. Bags that are",
@@ -286,7 +288,8 @@ def _joints(reader: BagReader, topic: str) -> Iterator[list[str]]:
     messages = [m.message for m in islice(reader.messages([topic]), FIRST_MESSAGES)]
     seen: set[str] = set()
     for names in dict.fromkeys(tuple(m.name) for m in messages if len(m.position)):
-        joints = [name for name in names if name not in seen]
+        joints = [name for name in names if name.strip() and name not in seen]
+        joints = [name for name in joints if joints.count(name) == 1]  # others are not told apart
         seen |= set(joints)
         if joints:
             yield _entry(topic, JOINT_STATE, "joints", joints, "rad")
