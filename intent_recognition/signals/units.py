@@ -109,7 +109,7 @@ class Size(NamedTuple):
 def spelled(unit: str) -> str:
     """Spell a unit of length or angle as in this package; other units are only stripped."""
     one, slash, per = as_quotient(unit.strip()).partition("/")
-    low = one.strip().lower()
+    low = one.strip().lower().removesuffix(".")
     for name, known in UNITS.items():
         if low in known or low.removesuffix("s") in known:
             return f"{name}{slash}{per.strip()}"

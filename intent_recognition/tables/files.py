@@ -4,6 +4,7 @@
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
@@ -32,6 +33,10 @@ SUFFIXES: dict[str, Callable[[Path], Table]] = {
     ".json": open_landmarks,
     ".jsonl": open_landmarks,
 }
+
+
+MOST_TRIED = 10
+"""Most files of a folder that are opened to find one that tells what is in all."""
 
 
 def open_table(path: Path, skip_rows: int = 0) -> Table:
@@ -82,7 +87,12 @@ def tables_at(source: Path) -> list[Path]:
     """The tables at a path or in a folder, sorted by name; empty if there is none."""
     if is_lerobot(source) or source.is_file():
         return [source] if is_lerobot(source) or is_table(source) else []
-    files = [path for path in source.rglob("*") if path.is_file() and is_table(path)]
+    # names that begin so are of locks of LibreOffice and Excel, and of copies by macOS
+    files = [
+        path
+        for path in source.rglob("*")
+        if path.is_file() and is_table(path) and not path.name.startswith((".", "~$"))
+    ]
     frames = {path.parent for path in files if path.name.endswith(FRAMES)}
     sets = {path.parent.parent for path in files if path.relative_to(source).match(LEROBOT)}
     alone = [
@@ -155,11 +165,11 @@ def file_kinds(source: Path, paths: Sequence[Path]) -> list[FileKind]:
     errors: list[BagError] = []
     for files in folders.values():
         try:
-            table = open_table(files[0])
+            first, table = _first_table(files)
         except BagError as error:
             errors.append(error)
             continue
-        for end, own in _streams(files).items():
+        for end, own in _streams(files[files.index(first) :]).items():
             kinds.setdefault((end, table.names), []).extend(own)
             tables.setdefault((end, table.names), open_table(own[0]) if end else table)
     if not kinds:
@@ -177,6 +187,14 @@ def file_kinds(source: Path, paths: Sequence[Path]) -> list[FileKind]:
         return found
     (_, names), _ = max(kinds.items(), key=lambda item: (len(item[1]), len(item[0][1])))
     return [kind for kind in found if kind.table.names == names]
+
+
+def _first_table(files: Sequence[Path]) -> tuple[Path, Table]:
+    """The first file that can be read, and its table; raises the BagError of the first of all."""
+    for path in files[:MOST_TRIED]:
+        with suppress(BagError):
+            return path, open_table(path)
+    return files[0], open_table(files[0])
 
 
 def _of_recordings(source: Path, paths: Sequence[Path]) -> list[FileKind]:
@@ -222,9 +240,8 @@ def _kinds_of_parts(source: Path, parts: Mapping[str, Mapping[str, Path]]) -> li
         pattern = name if is_whole else _pattern_of_folders(source, name, files)
         if not pattern or 2 * len(files.keys() & shared) <= most:
             continue
-        first = next(iter(files.values()))
         try:
-            table = open_table(first)
+            first, table = _first_table([*files.values()])
         except BagError:  # notes
             continue
         columns = {*table.names}

@@ -9,7 +9,7 @@ import numpy as np
 
 from intent_recognition.array_types import Floats
 from intent_recognition.signals import FIRST_CLOCK_S, spelled
-from intent_recognition.tables.cells import LENGTHS
+from intent_recognition.tables.cells import ANGLES, LENGTHS
 from intent_recognition.tables.suggested_entries import ANGLE_END, SeenColumn
 from intent_recognition.tables.times import TIME_NAME
 
@@ -258,6 +258,23 @@ def commanded(names: Collection[str]) -> list[str]:
     }
     measured = {bare[name] for name in words if name not in said}
     return [name for name in words if name in said and bare[name] and bare[name] in measured]
+
+
+def unclear_places(names: Sequence[str]) -> set[str]:
+    """Columns x, y, z of bodies, no joints, in a unit that is unknown or with an axis twice."""
+    found: dict[tuple[str, str], list[tuple[str, str]]] = {}
+    for name in names:
+        end = UNIT_END.search(name)
+        unit = spelled(end["unit"] or "") if end else ""
+        if (axis := PLACES.match(UNIT_END.sub("", name))) and unit not in ANGLES:
+            found.setdefault((axis["body"], unit), []).append((axis["axis"].lower(), name))
+    return {
+        name
+        for (_, unit), of in found.items()
+        if {*"xyz"} <= {axis for axis, _ in of}
+        and (len({*of}) < len(of) or (unit and unit not in LENGTHS))
+        for _, name in of
+    }
 
 
 def array_of(name: str) -> str:

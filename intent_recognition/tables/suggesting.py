@@ -16,7 +16,7 @@ from intent_recognition.demonstrations import find_bags
 from intent_recognition.errors import BagError, printable
 from intent_recognition.signals import LONGEST_LABEL, NONE, can_name_task, hidden_rows
 from intent_recognition.tables.cells import OF_IMAGE, numbers, texts
-from intent_recognition.tables.files import FileKind, file_kinds, find_tables, tables_at
+from intent_recognition.tables.files import MOST_TRIED, FileKind, file_kinds, find_tables, tables_at
 from intent_recognition.tables.flags import flags_of, seen_rows
 from intent_recognition.tables.suggested_entries import (
     MOST_SUGGESTED,
@@ -45,6 +45,7 @@ from intent_recognition.tables.suggested_names import (
     is_marker_of,
     of_matrices,
     orientations_of,
+    unclear_places,
 )
 from intent_recognition.tables.table import Table
 from intent_recognition.tables.times import PER_UNIT, TIME_NAME, stamps_ns, usual_unit
@@ -80,7 +81,20 @@ def suggest_map(source: Path) -> str:
     """
     if source.exists() and not tables_at(source) and (bags := find_bags(source)):
         return suggest_of_bags(source, bags)
-    kinds = file_kinds(source, find_tables(source))
+    paths, errors = find_tables(source), list[BagError]()
+    kinds: list[FileKind] = []
+    while paths and len(errors) < MOST_TRIED:
+        try:
+            kinds = file_kinds(source, paths)
+            return _map_of(kinds)
+        except BagError as error:
+            errors.append(error)
+            paths = [path for path in paths if path != kinds[0].table.source] if kinds else []
+    raise errors[0]
+
+
+def _map_of(kinds: Sequence[FileKind]) -> str:
+    """The text of a map of kinds of files, by the first of each."""
     several = len(kinds) > 1
     of_kinds = [(kind, _suggest(kind, kind.name if several else "")) for kind in kinds]
     parts = [part for _, of_kind in of_kinds for part in of_kind]
@@ -178,12 +192,12 @@ def _part(
     used |= {name for of in flags.values() for name in of}
     joints = [c for c in columns.values() if c.moves and c.name not in used and not counts_rows(c)]
     matrices = of_matrices(columns)
+    angles = {c.name for c in joints if is_joint(c.name) and is_angle(table, c.name)}
+    unclear = unclear_places(table.names) & angles
     others = [
         c.name
         for c in joints
-        if not (is_joint(c.name) and is_angle(table, c.name))
-        or c.name in matrices
-        or np.unique(c.values).size < 3
+        if c.name not in angles - matrices - unclear or np.unique(c.values).size < 3
     ]
     joints = [c for c in joints if c.name not in others]
     sizes = Counter(array_of(joint.name) for joint in joints)
@@ -221,7 +235,9 @@ def _part(
         found = arm = []
     left_out = {
         "They do not move": still,
-        "They move, and are no positions": others,
+        "They move, and are no positions": [name for name in others if name not in unclear],
+        "Places in an unknown unit, or with an axis twice: say columns_unit, or name them by"
+        " number, in a map of your own": [name for name in others if name in unclear],
         "Orientations": [n for n in columns if n in turning],
         "They say when a body was seen": [*dict.fromkeys(chain(*flags.values()))],
         "Markers of these bodies": markers,

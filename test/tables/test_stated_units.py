@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 import yaml
 from tables.exported_files import entry
-from tables.imports import check_wrist, imported_csv
-from tables.odd_files import SHARE, TIMES_S, cells, plain, table
+from tables.imports import check_wrist, imported_csv, suggested_csv
+from tables.odd_files import PLACE, SHARE, TIMES_S, cells, plain, table
 
+from intent_recognition.errors import BagError
 from intent_recognition.tables import Doubt, import_demonstrations, suggest_map
 from intent_recognition.tables.import_map import ImportMap
 
@@ -21,6 +22,37 @@ def test_a_unit_that_is_unknown_or_of_an_angle_is_no_length(name, tmp_path):
     names = [name.replace("x", axis) for axis in "xyz"]
     samples, said = imported_csv(tmp_path, plain(head=",".join(["t", *names])), names)
     assert samples is None and f"expected a unit of {name} that becomes m" in said
+
+
+@pytest.mark.parametrize(
+    ("head", "said"),
+    [
+        ("t,x (furlong),y (furlong),z (furlong)", "unknown unit.* columns_unit.*: x .furlong., y"),
+        ("t,x [1e-3 m],y [1e-3 m],z [1e-3 m]", "unknown unit.* columns_unit"),
+        ("t,x,y,z,z", "none but z, each twice"),
+    ],
+)
+def test_places_in_an_unknown_unit_or_with_an_axis_twice_are_no_joints(head, said, tmp_path):
+    width = head.count(",") - 3
+    rows = plain(head="").replace("\n", f"{',1' * width}\n")
+    (tmp_path / "a.csv").write_text(head + rows)
+    with pytest.raises(BagError, match=said):
+        suggest_map(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize("name", ["x (in.)", "x [inch]", "x [in]"])
+def test_an_inch_may_have_a_point(name, tmp_path):
+    head = ",".join(["t", *(name.replace("x", axis) for axis in "xyz")])
+    _, _, (found,) = suggested_csv(tmp_path, plain(scale=1 / 25.4, head=head, form="{:.9f}"))
+    np.testing.assert_allclose(found.samples[0].values, PLACE / 1000, atol=1e-8)
+
+
+def test_infinite_numbers_tell_no_unit(tmp_path):
+    table = plain(scale=0.001, hidden=range(60, 80), cell="inf")
+    content, _, (found,) = suggested_csv(tmp_path, table)
+    assert "columns_unit" not in content["observed"][0]
+    seen = np.delete(np.arange(len(PLACE)), range(60, 80))
+    np.testing.assert_allclose(found.samples[0].values[seen], PLACE[seen] / 1000, atol=1e-6)
 
 
 def test_letters_of_axes_are_no_units(tmp_path):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from bag_builder import write_ros1
+from bag_builder import joints, pose, write_pairs, write_ros1
 from tables.exported_files import lerobot
 from tables.imports import suggested, suggested_csv
 from tables.odd_files import PLACE, ROWS, SHARE, TIMES_S, cells, csv_of, day_time, h5, plain, table
@@ -168,6 +168,18 @@ def test_a_map_is_suggested_of_bags(tmp_path):
     for path in (tmp_path, tmp_path / "a.pkl"):
         with pytest.raises(BagError, match="as CSV"):
             suggest_map(path)
+
+
+def test_joints_without_a_name_of_their_own_are_left_out_of_a_map(tmp_path):
+    names = ["", "elbow", "twice", "twice"]
+    states = [joints(k, names=names, positions=[0.01 * k] * 4) for k in range(20)]
+    write_pairs(tmp_path / "some", map(pose, range(20)), states)
+    content = yaml.safe_load(suggest_map(tmp_path / "some"))
+    assert content["controlled"][0]["joints"] == ["elbow"]
+    unnamed = [{**state, "name": [""] * 4} for state in states]
+    write_pairs(tmp_path / "none", map(pose, range(20)), unnamed)
+    text = suggest_map(tmp_path / "none")
+    assert "controlled:" not in text and "# Other topics: /joint_states" in text
 
 
 def test_a_map_is_suggested_of_what_was_measured_not_commanded(tmp_path):
@@ -473,6 +485,39 @@ def test_notes_and_other_files_beside_the_recordings_are_none(count, tmp_path):
     content, _, found = suggested(tmp_path)
     assert len(found) == count and found[0].custom_data["task"] == "give"
     assert content["observed"][0]["columns"] == ["x", "y", "z"]
+
+
+@pytest.mark.parametrize(
+    "first", [b"", b"t,x,y,z\n", bytes(9), plain(hidden=range(ROWS)).encode()],
+    ids=["empty", "no rows", "no text", "not seen"],
+)  # fmt: skip
+def test_a_first_file_that_tells_nothing_leaves_it_to_the_others(first, tmp_path):
+    for k in range(1, 4):
+        (tmp_path / f"give_{k}.csv").write_text(plain())
+    (tmp_path / "give_0.csv").write_bytes(first)
+    whole = tmp_path / "give_1.csv"
+    columns = yaml.safe_load(suggest_map(whole))["observed"]
+    content = yaml.safe_load(suggest_map(tmp_path))
+    assert content["observed"] == columns and content["files"] == "{task}_{number}.csv"
+    taken = [*import_demonstrations(tmp_path, ImportMap.from_dict(content))]
+    assert [isinstance(one, Rejection) for one in taken] == [True, False, False, False]
+
+
+def test_a_first_file_that_is_empty_loses_no_agent(tmp_path):
+    for k in range(3):
+        (tmp_path / f"person_{k}.csv").write_text(plain() if k else "")
+        (tmp_path / f"robot_{k}.csv").write_text(plain(head="t,tcp_x,tcp_y,tcp_z"))
+    content = yaml.safe_load(suggest_map(tmp_path))
+    assert content["observed"][0]["columns"] == ["x", "y", "z"]
+    assert content["controlled"][0]["columns"] == ["tcp_x", "tcp_y", "tcp_z"]
+
+
+def test_files_of_the_system_are_no_recordings(tmp_path):
+    (tmp_path / "give_1.csv").write_text(plain())
+    for name in ("._give_1.csv", "~$give_1.csv", ".~lock.give_1.csv"):
+        (tmp_path / name).write_bytes(b"\0\5\x16\7")
+    _, _, found = suggested(tmp_path)
+    assert len(found) == 1
 
 
 @pytest.mark.parametrize(
