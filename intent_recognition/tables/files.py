@@ -5,6 +5,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
@@ -186,7 +187,11 @@ def file_kinds(source: Path, paths: Sequence[Path]) -> list[FileKind]:
     if together and set.intersection(*stems):
         return found
     (_, names), _ = max(kinds.items(), key=lambda item: (len(item[1]), len(item[0][1])))
-    return [kind for kind in found if kind.table.names == names]
+    main, *same = [kind for kind in found if kind.table.names == names]
+    if others := [kind.first for kind in found if kind.table.names != names]:
+        said = f"{', '.join(others)} and its like are left out: no file here has the same name."
+        main = main._replace(table=replace(main.table, notes=(*main.table.notes, said)))
+    return [main, *same]
 
 
 def _first_table(files: Sequence[Path]) -> tuple[Path, Table]:

@@ -512,6 +512,15 @@ def test_a_first_file_that_is_empty_loses_no_agent(tmp_path):
     assert content["controlled"][0]["columns"] == ["tcp_x", "tcp_y", "tcp_z"]
 
 
+def test_files_whose_names_match_no_recording_are_named(tmp_path):
+    for name, head in (("person/give_0{}", "t,x,y,z"), ("robot/give_{}", "t,u,v,w")):
+        for k in range(3):
+            path = tmp_path / f"{name.format(k)}.csv"
+            path.parent.mkdir(exist_ok=True)
+            path.write_text(plain(head=head))
+    assert "# Note: robot/give_0.csv and its like are left out" in suggest_map(tmp_path)
+
+
 def test_files_of_the_system_are_no_recordings(tmp_path):
     (tmp_path / "give_1.csv").write_text(plain())
     for name in ("._give_1.csv", "~$give_1.csv", ".~lock.give_1.csv"):
