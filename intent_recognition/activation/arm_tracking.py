@@ -28,6 +28,9 @@ _SETTLING_NS = 500_000_000
 """Time that an arm may take to settle after the end of a command [ns]."""
 _REST_WINDOW_NS = 100_000_000
 """Time over which positions show an arm at rest [ns]: ten joint states at 100 Hz."""
+_SEEN_NS = 20_000_000
+"""Least time for which an arm must be seen before a motion begins [ns]: at twice `_REST_RAD_S` it
+moves by 2 mrad, more than the steps of encoders."""
 _REST_RAD_S = 0.05
 """Largest joint speed of an arm at rest [rad/s]: several times the noise of a measured velocity. A
 plan that begins there may be off by `lead_s` times this speed."""
@@ -208,15 +211,15 @@ class ArmTracking:
             return speed is not None and speed <= _REST_RAD_S
         return bool(np.abs(measured.velocity).max() <= _REST_RAD_S)
 
-    def _speed(self) -> float | None:
+    def _speed(self, least_ns: int = _REST_WINDOW_NS) -> float | None:
         """Largest mean speed of a joint between both halves of the recent positions [rad/s].
 
-        None if they cover too short a time or have a gap of `max_joint_state_age_s`.
+        None if they cover less than `least_ns` or have a gap of `max_joint_state_age_s`.
         """
         times_ns, positions = zip(*self._recent_positions, strict=True)
         table = np.column_stack([(np.array(times_ns) - times_ns[0]) * 1e-9, positions])
         gap_s, half = max(np.diff(table[:, 0]), default=0.0), len(table) // 2
-        short = times_ns[-1] - times_ns[0] < _REST_WINDOW_NS
+        short = times_ns[-1] - times_ns[0] < least_ns
         if short or gap_s > self._common.settings.max_joint_state_age_s:
             return None
         way = table[half:].mean(axis=0) - table[:half].mean(axis=0)
@@ -307,8 +310,9 @@ class ArmTracking:
     def start_reference(self, now_ns: int, start_ns: int) -> JointReference | None:
         """Where a new motion starts: the reference, or the measured posture if the arm was moved.
 
-        None if no joint state is recent, the arm is off its path while under way, or somebody is
-        moving it. If the arm was moved, all commands are forgotten.
+        None if no joint state is recent, or the arm is off its path while under way. Off it or
+        without one, the arm must be seen at rest, at one place: else, too, None. If it was moved,
+        all commands are forgotten.
         """
         measured, current = self._recent(now_ns), self.current
         if measured is None:
@@ -324,9 +328,17 @@ class ArmTracking:
             return None
         self._moves_unasked |= current is not None
         # some drivers send velocities of zero that they do not measure
-        if not self.at_rest(measured) or (self._speed() or 0.0) > 2.0 * _REST_RAD_S:
+        speed = self._speed(_SEEN_NS)
+        if not self.at_rest(measured) or (speed or 0.0) > 2.0 * _REST_RAD_S:
             self._moves_unasked = True
             self._report_once("arm_moving", measured.stamp_ns, "arm is moved by others")
+            return None
+        if speed is None:
+            return None
+        apart_rad = np.ptp([position for _, position in self._recent_positions], axis=0).max()
+        if apart_rad > HELD_WITHIN_RAD:
+            text = f"an arm at rest is at places {apart_rad:.2f} rad apart: who else sends them?"
+            self._report_once("joint_states_disagree", None, text)
             return None
         self.current = None
         self._history.clear()

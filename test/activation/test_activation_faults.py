@@ -250,9 +250,23 @@ def test_without_velocities_an_arm_must_be_seen_at_rest(velocity):
     world.measures = False
     world.activation.take_joint_state(world.now_ns, HOME)
     world.run(0.4)
-    world.activation.take_joint_state(world.now_ns, HOME)
+    world.activation.take_joint_state(world.now_ns, HOME, velocity)
     world.run(0.1)
     assert world.commands == [] and "arm_moving" in world.rejected
+
+
+def test_an_arm_that_two_drivers_place_differently_starts_nothing():
+    """As a GUI of joint states that is left running beside the arm's own driver."""
+    world = World()
+    world.begin("plate")
+    world.measures = False
+    for _ in range(50):
+        for later_ns, position in ((STEP_NS // 2, HOME), (STEP_NS, np.zeros(7))):
+            stamp_ns = world.now_ns + later_ns
+            world.activation.take_joint_state(stamp_ns, position, np.zeros(7), now_ns=stamp_ns)
+        world.step()
+    assert world.commands == []
+    assert {*world.rejected} == {"arm_moving", "joint_states_disagree"}
 
 
 @pytest.mark.parametrize(
