@@ -116,8 +116,10 @@ class CommandAction:
 
     def _on_result(self, goal: _Goal, future: Future) -> None:
         status, result = future.result().status, future.result().result
-        by_others = status == GoalStatus.STATUS_CANCELED and not goal.given_up
+        by_others = status == GoalStatus.STATUS_CANCELED
         self._under_way.discard(goal)
+        if goal.given_up:
+            return
         if goal is not self._newest:
             if by_others and result.error_code == self._type.Result.SUCCESSFUL:
                 text = "a goal was cancelled by somebody else while the next one was on its way"

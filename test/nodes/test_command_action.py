@@ -215,6 +215,22 @@ def test_a_rejected_update_cancels_the_goal_under_way_or_once_it_is_accepted(cel
     assert under_way.cancelled and not update.cancelled
 
 
+def test_a_late_result_of_a_cancelled_goal_leaves_the_next_interaction_alone(cell):
+    cell.begin()
+    cell.until(lambda: cell.client.goals)
+    cell.client.accepts = False
+    cell.until(lambda: len(cell.client.goals) == 2)
+    given_up, update = cell.client.goals
+    update.reject()
+    cell.client.accepts, cell.task = True, "idle"
+    cell.run(50)
+    cell.begin("screw")
+    cell.until(lambda: cell.mode == "executing")
+    given_up.finish("ABORTED", "PATH_TOLERANCE_VIOLATED")
+    assert cell.mode == "executing" and not cell.client.goals[-1].cancelled
+    assert cell.node.diagnostics._counts == {"controller_rejected": 1}
+
+
 def test_a_goal_tolerance_is_told_and_the_arm_goes_home(cell):
     cell.begin()
     cell.until(lambda: cell.mode == "homing")
