@@ -2,6 +2,7 @@
 """The arm's reference and its measured state: commands in force and joint states."""
 
 from collections import deque
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -334,6 +335,7 @@ class ArmTracking:
             self._report_once("arm_moving", measured.stamp_ns, "arm is moved by others")
             return None
         if speed is None:
+            self._report_gap()
             return None
         apart_rad = np.ptp([position for _, position in self._recent_positions], axis=0).max()
         if apart_rad > HELD_WITHIN_RAD:
@@ -354,6 +356,15 @@ class ArmTracking:
         stamp_ns = None if measured is None else measured.stamp_ns
         self._report_once("stale_joint_states", stamp_ns, f"no joint state was measured{old}")
         return None
+
+    def _report_gap(self) -> None:
+        """Report recent joint states that are too far apart to show whether the arm rests."""
+        times_ns = [time_ns for time_ns, _ in self._recent_positions]
+        for before_ns, after_ns in pairwise(times_ns):
+            apart_s = (after_ns - before_ns) * 1e-9
+            if apart_s > self._common.settings.max_joint_state_age_s:
+                text = f"joint states came {apart_s:.2f} s apart"
+                self._report_once("stale_joint_states", before_ns, text)
 
     def _reference(self, time_ns: int) -> JointReference | None:
         return self._by(time_ns).at(time_ns) if self._history else None

@@ -255,6 +255,15 @@ def test_without_velocities_an_arm_must_be_seen_at_rest(velocity):
     assert world.commands == [] and "arm_moving" in world.rejected
 
 
+def test_a_clock_too_coarse_to_show_an_arm_at_rest_is_named():
+    world = World()
+    for _ in range(8):
+        world.now_ns += 290_000_000
+        world.begin("plate")
+        world.step()
+    assert world.commands == [] and "joint states came 0.30 s apart" in world.said
+
+
 def test_an_arm_that_two_drivers_place_differently_starts_nothing():
     """As a GUI of joint states that is left running beside the arm's own driver."""
     world = World()
