@@ -12,7 +12,9 @@ from intent_recognition.activation.lateness import LATENESSES_NS, ArmClock, Late
 from intent_recognition.activation.settings import Common
 from intent_recognition.activation.states import Command, MotionPoints
 from intent_recognition.array_types import Floats
+from intent_recognition.kinematics import UNLIMITED_RAD
 from intent_recognition.motion import JointReference
+from intent_recognition.signals import whole_turns
 
 HELD_WITHIN_RAD = 0.05
 """Largest difference from its reference of an arm at rest that nobody moved, per joint [rad]: 3
@@ -100,6 +102,7 @@ class ArmTracking:
             self._reject(reason, f"joint_states stamped {seconds:.1f} s {where}")
         else:
             self.clock.hear(now_ns, stamp_ns)
+            position = self._in_turn(stamp_ns, position)
             self.clock.compare(stamp_ns, position, self._asked)
             age_ns = self._common.settings.max_joint_state_age_s * 1e9
             time_ns = self.clock.measured_ns(now_ns, stamp_ns, age_ns)
@@ -111,6 +114,21 @@ class ArmTracking:
                 self._look_for_lateness(measured)
                 self._look_for_loss(measured)
         return self._measured is not last
+
+    def _in_turn(self, stamp_ns: int, position: Floats) -> Floats:
+        """A posture (n,) whose joints without limits, which drivers wrap to one turn, are near.
+
+        They are brought by whole turns to the reference, the last posture or home.
+        """
+        settings, last = self._common.settings, self._measured
+        near = settings.home if last is None else last.position
+        if self._history:
+            near = self._asked(stamp_ns)
+        if near is None:
+            return position
+        width = settings.limits.upper - settings.limits.lower
+        turns = whole_turns(position - near, np.where(width > UNLIMITED_RAD, 2.0 * np.pi, np.nan))
+        return np.asarray(position - turns)
 
     def _look_for_lateness(self, measured: Measured) -> None:
         time_ns = measured.time_ns

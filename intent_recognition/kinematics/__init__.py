@@ -28,7 +28,7 @@ from intent_recognition.kinematics.lwr import (
     jacobian,
 )
 from intent_recognition.kinematics.packages import check_meshes, package_shares, packages_around
-from intent_recognition.kinematics.urdf import read_chain, read_ranges
+from intent_recognition.kinematics.urdf import UNLIMITED_RAD, read_chain, read_ranges
 from intent_recognition.kinematics.urdf_tree import (
     DEFAULT_EFFORT,
     DEFAULT_SPEED,

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The activation's state machine: late, missing and malformed input, pushed arms, resets."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from activation_world import HOME, LABELS, LIMITS, START_NS, STEP_NS, World, executing, prediction
 
 from intent_recognition.activation import ActivationSettings, Command, Mode
 from intent_recognition.errors import IntentError
+from intent_recognition.kinematics import UNLIMITED_RAD
 from intent_recognition.motion import JointPlan
 
 
@@ -307,6 +310,19 @@ def test_a_plan_that_brakes_as_hard_as_it_may_before_a_limit_is_left_to_end():
     world.activation.arm.put_in_force(world.now_ns, Command(world.now_ns, plan))
     assert world.activation.halt(world.now_ns) is None
     assert world.activation.arm.in_force().plan is plan
+
+
+def test_a_joint_without_limits_may_be_measured_in_another_turn():
+    world, turn = World(), np.array([2.0 * np.pi, *np.zeros(6)])
+    limits = replace(LIMITS, lower=LIMITS.lower - UNLIMITED_RAD, upper=LIMITS.upper + UNLIMITED_RAD)
+    world.activation.change(replace(world.activation._settings, limits=limits))
+    follow = world.arm
+    world.arm = lambda: follow() - (follow()[0] > 0.1) * turn
+    world.serve("plate")
+    world.run_until(Mode.HOMING)
+    assert world.arm()[0] < -np.pi
+    world.go_home()
+    assert world.rejected == []
 
 
 def test_an_arm_measured_in_degrees_is_not_moved_and_the_unit_is_doubted():
