@@ -136,12 +136,15 @@ def _at(values: Values, moment: Integers, rows: np.ndarray, count: int) -> Value
     return made
 
 
-def of_records(frames: Sequence[Any]) -> dict[str, Values]:
-    """Columns, such as `wrist.x`, of the numbers and texts in objects, one object per row."""
-    rows = [dict(flat(frame)) for frame in frames]
+def of_records(frames: Sequence[Any], bodies: Sequence[str] = ()) -> dict[str, Values]:
+    """Columns, such as `wrist.x`, of the numbers and texts in objects, one object per row.
+
+    Lists with a list or an object for each of `bodies`, in their order, are of these.
+    """
+    rows = [dict(flat(frame, bodies=bodies)) for frame in frames]
     names = list(dict.fromkeys(name for row in rows for name in row))
     if sum(map(len, rows)) < SELDOM * len(rows) * len(names):  # changing names identify nobody
-        rows = [dict(flat(frame, by_name=False)) for frame in frames]
+        rows = [dict(flat(frame, by_name=False, bodies=bodies)) for frame in frames]
         names = list(dict.fromkeys(name for row in rows for name in row))
     if not names or len(names) > MOST_COLUMNS:
         raise ValueError("no landmarks, and no rows of numbers by name")
@@ -153,19 +156,35 @@ def of_records(frames: Sequence[Any]) -> dict[str, Values]:
     return columns
 
 
-def flat(content: Any, name: str = "", by_name: bool = True) -> Iterator[tuple[str, Any]]:
+def flat(
+    content: Any, name: str = "", by_name: bool = True, bodies: Sequence[str] = ()
+) -> Iterator[tuple[str, Any]]:
     """Numbers and texts in nested mappings and lists, with their paths: `0`, `1.x`.
 
-    In a list of mappings that name their bodies, paths use those names instead of indices.
+    In a list of mappings that name their bodies, paths use those names instead of indices, and in
+    one of as many lists or mappings as there are `bodies` the names of these: `WRIST.x`.
     """
     if isinstance(content, dict | list):
         own = naming_key(content) if by_name and isinstance(content, list) else ""
-        listed = [one[own] for one in content] if own else count()
+        are_nested = isinstance(content, list) and all(isinstance(v, dict | list) for v in content)
+        indices = bodies if are_nested and bodies and len(bodies) == len(content) else count()
+        listed = [one[own] for one in content] if own else indices
         named = content.items() if isinstance(content, dict) else zip(listed, content, strict=False)
         for key, value in named:
-            yield from flat(value, f"{name}.{key}" if name else str(key), by_name)
+            if indices is bodies and isinstance(value, list) and len(value) in (2, 3):
+                value = dict(zip("xyz", value, strict=False))
+            yield from flat(value, f"{name}.{key}" if name else str(key), by_name, bodies)
     elif name and isinstance(content, int | float | str | None):
         yield name, content
+
+
+def listed_names(content: Any) -> list[str]:
+    """Names of bodies that an object lists beside its rows, as under `joint_names`; else empty."""
+    for key, listed in content.items() if isinstance(content, dict) else ():
+        are_names = isinstance(listed, list) and all(isinstance(v, str) and v for v in listed)
+        if are_names and OF_BODY.fullmatch(key.removesuffix("s")) and len({*listed}) == len(listed):
+            return listed
+    return []
 
 
 def naming_key(listed: Sequence[Any]) -> str:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from intent_recognition.array_types import Integers
 from intent_recognition.errors import one_line
 from intent_recognition.signals import MIN_SAMPLES
-from intent_recognition.tables.by_body import by_body, of_records
+from intent_recognition.tables.by_body import by_body, listed_names, of_records
 from intent_recognition.tables.cells import OF_IMAGE, are_of_image, pixels_of, text_of
 from intent_recognition.tables.hdf5_reading import RATES, UNIT
 from intent_recognition.tables.skeletons import of_qualisys
@@ -176,9 +176,12 @@ def open_landmarks(path: Path) -> Table:
         raise unusable(path, "one person in each image", "several results of one", ONE_PERSON)
     key = next((k for k in (*WORLD, *IMAGE) if _has(frames, k)), "")
     people = [_read(path, partial(_people, key), frame) for frame in frames]
+    about, bodies = _about(path, content), listed_names(content)
     if not any(people):
-        return by_body(table_of(path, _read(path, of_records, frames), **_about(path, content)))
-    points = [_read(path, _points, one[0]) if one else {} for one in people]
+        columns = _read(path, partial(of_records, bodies=bodies), frames)
+        return by_body(table_of(path, columns, **about))
+    read = partial(_points, bodies=bodies)
+    points = [_read(path, read, one[0]) if one else {} for one in people]
     notes = []
     if key in IMAGE or (not key and _is_of_image(points)):
         notes.append(OF_IMAGE)
@@ -189,7 +192,6 @@ def open_landmarks(path: Path) -> Table:
         )
     stamp = next((k for k in ("timestamp_ms", "timestamp", "time") if _has(frames, k)), None)
     columns = _columns(points, rows if stamp is None else np.arange(len(frames)))
-    about = _about(path, content)
     if stamp is not None:
         stamps = [frame.get(stamp) if isinstance(frame, dict) else None for frame in frames]
         columns["time"] = _read(path, lambda all: np.array(all, np.float64), stamps)
@@ -249,16 +251,20 @@ def _of_lists(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
     texts = {key for key, value in lists.items() if any(isinstance(one, str) for one in value)}
     own = {key for key in content.keys() & lists if len(lists[key]) >= MIN_SAMPLES} - texts
     most = max((len(lists[key]) for key in own or lists), default=0)
+    bodies = listed_names(content)
     columns = {}
     for key in [key for key, value in lists.items() if len(value) == most]:
         array = np.array(lists[key], object if key in texts else np.float64)
         if array.size > MOST_COLUMNS * most:
             continue
         axes = "xyz" if array.ndim > 1 and array.shape[-1] in (2, 3) else ""
+        are_named = bodies and array.ndim > 2 and array.shape[-2] == len(bodies)
         for index in np.ndindex(array.shape[1:]):
             last = [axes[k] if axes else str(k) for k in index[-1:]]
             place: tuple[Any, ...] = (slice(None), *index)
-            columns[".".join([key, *map(str, index[:-1]), *last])] = array[place]
+            path = [*map(str, index[:-1])]
+            path[-1:] = [bodies[index[-2]]] if are_named else path[-1:]
+            columns[".".join([key, *path, *last])] = array[place]
     if not any(column.dtype.kind == "f" for column in columns.values()):
         raise ValueError("no lists of numbers")
     return columns
@@ -366,8 +372,9 @@ def _inside(content: Any) -> list[Any]:
     return content if isinstance(content, list) else []
 
 
-def _points(listed: Sequence[Any]) -> Points:
-    names = NAMED.get(len(listed), [str(k) for k in range(len(listed))])
+def _points(listed: Sequence[Any], bodies: Sequence[str]) -> Points:
+    known = NAMED.get(len(listed), [str(k) for k in range(len(listed))])
+    names = bodies if len(bodies) == len(listed) else known
     found: Points = {}
     for name, point in zip(names, listed, strict=True):
         own = str(point.get("name") or name) if isinstance(point, dict) else name

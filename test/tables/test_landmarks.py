@@ -273,6 +273,36 @@ def test_landmarks_of_an_image_however_they_are_listed(kind, tmp_path):
     np.testing.assert_allclose(samples.values[:, :2], PLACE[:, :2] / 1000)
 
 
+BODIES = ["PELVIS", *(f"JOINT_{k}" for k in range(15)), "WRIST_RIGHT"]  # as many as of COCO
+OF_BODIES = {
+    "of Azure Kinect": lambda places, times: {
+        "frames": [
+            {"timestamp_usec": 1e6 * t, "bodies": [{"body_id": 1, "joint_positions": rows}]}
+            for t, rows in zip(times, places.tolist(), strict=True)
+        ]
+    },
+    "as keypoints": lambda places, times: {
+        "frames": [
+            {"timestamp": t, "keypoints": rows}
+            for t, rows in zip(times, places.tolist(), strict=True)
+        ]
+    },
+    "as lists": lambda places, times: {"time": times, "positions": places.tolist()},
+}
+
+
+@pytest.mark.parametrize("kind", OF_BODIES)
+def test_bodies_have_the_names_that_the_file_lists(kind, tmp_path):
+    places = np.arange(17.0)[:, None] + PLACE[:, None]
+    content = {"joint_names": BODIES, **OF_BODIES[kind](places, TIMES_S.tolist())}
+    (tmp_path / "a.json").write_text(json.dumps(content))
+    table = open_table(tmp_path / "a.json")
+    for k, body in enumerate(BODIES):
+        found = [n for n, name in enumerate(table.names) if body in name.split(".")]
+        assert [table.names[n].rpartition(".")[2] for n in found] == [*"xyz"]
+        np.testing.assert_array_equal(np.transpose(table.read(found)), places[:, k])
+
+
 @pytest.mark.parametrize(
     "content",
     [
