@@ -79,7 +79,7 @@ def find_tables(source: Path) -> list[Path]:
     got = "nothing of that name" if not source.exists() else "none"
     cure = (
         "Check the path; unpack what is packed; save spreadsheets as CSV, pickles and Feather as"
-        " Parquet."
+        " Parquet, and messages with `ros2 bag record` or `ros2 topic echo --csv`."
     )
     raise BagError.about(str(source), f"{kinds} or a LeRobot data set", got, cure)
 
@@ -94,6 +94,7 @@ def tables_at(source: Path) -> list[Path]:
         for path in source.rglob("*")
         if path.is_file() and is_table(path) and not path.name.startswith((".", "~$"))
     ]
+    files = [path for path in files if path.suffix.lower() != ".log"] or files  # else of programs
     frames = {path.parent for path in files if path.name.endswith(FRAMES)}
     sets = {path.parent.parent for path in files if path.relative_to(source).match(LEROBOT)}
     alone = [

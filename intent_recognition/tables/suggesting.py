@@ -57,7 +57,7 @@ MOST_LISTED = 12
 """Most columns of a kind that a comment lists."""
 MOST_JOINTS = 16
 """Most joints in a suggestion: two arms with a hand."""
-NANOSECONDS_NAME = re.compile(r"(?i)(^|[^a-z])n(ano)?secs?$|nanoseconds?$|_ns$")
+NANOSECONDS_NAME = re.compile(r"(?i)(^|[^a-z]|zeit)n(ano)?secs?$|nanoseconds?$|_ns$")
 """Names of a column of nanoseconds beside a column of whole seconds."""
 MOSTLY, REPEATED = 0.9, 0.3
 """Least share of times later than the time before, if some go back and if some only repeat. A file

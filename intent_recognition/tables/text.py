@@ -54,7 +54,7 @@ COMMENTS = ("#", "% ")
 """Beginnings of comment lines."""
 NO_PLACES = ("Devices", "Events", "Analog", "Force Plates")
 """Titles of Nexus tables without positions, which are never read."""
-TEXTS = (".csv", ".tsv", ".txt", ".dat", ".trc", ".mot", ".sto")
+TEXTS = (".csv", ".tsv", ".txt", ".dat", ".trc", ".mot", ".sto", ".log")
 
 
 def open_text(path: Path, skip_rows: int) -> Table:

@@ -38,7 +38,8 @@ TIME_UNIT = re.compile(
 )
 """A unit of time at the end of a name: `time_ms`, `t [ms]`, `Time (Seconds)`, `msec`."""
 TIME_NAME = re.compile(
-    r"(?i)(^|[^a-z])(t|ts|times?|elapsed|timestamps?|stamps?|secs?|seconds|zeit)([^a-z]|$)"
+    r"(?i)(^|[^a-z])(t|ts|times?|elapsed|timestamps?|stamps?|secs?|seconds|zeit(_?secs?)?)"
+    r"([^a-z]|$)"
     r"|^(ms|msecs?|millis|milliseconds)$"
 )
 """Names of columns of times."""

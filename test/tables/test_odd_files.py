@@ -13,8 +13,9 @@ from tables.exported_files import entry
 from tables.imports import check_wrist, demonstrations, imported, imported_csv
 from tables.odd_files import PLACE, ROWS, TIMES_S, cells, day_time, plain, table
 
+from intent_recognition.errors import BagError
 from intent_recognition.tables import import_demonstrations, suggest_map
-from intent_recognition.tables.files import open_table
+from intent_recognition.tables.files import find_tables, open_table
 from intent_recognition.tables.import_map import ImportMap
 
 
@@ -338,5 +339,18 @@ def test_empty_columns_of_rosbag_to_csv_tell_repeated_names_apart(tmp_path):
     check_wrist(imported_csv(tmp_path, content, [*"xyz"], unit="mm"), times_atol=1)
 
 
-def test_a_dat_is_a_table_of_text(tmp_path):
-    check_wrist(imported(tmp_path, "a.dat", plain(), unit="mm", time={"column": "t"}))
+@pytest.mark.parametrize("name", ["a.dat", "a.log"])
+def test_a_dat_or_log_is_a_table_of_text(name, tmp_path):
+    check_wrist(imported(tmp_path, name, plain(), unit="mm", time={"column": "t"}))
+
+
+def test_a_log_beside_tables_is_of_a_program(tmp_path):
+    for name in ("a.csv", "a.log"):
+        (tmp_path / name).write_text(plain())
+    assert find_tables(tmp_path) == [tmp_path / "a.csv"]
+
+
+def test_yaml_of_messages_is_refused_with_what_writes_a_table(tmp_path):
+    (tmp_path / "a.yaml").write_text("position: [0.0]\n---\n" * 9)
+    with pytest.raises(BagError, match="ros2 topic echo --csv"):
+        find_tables(tmp_path / "a.yaml")

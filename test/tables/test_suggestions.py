@@ -232,6 +232,7 @@ def test_joints_of_two_files_have_names_of_their_own(tmp_path):
 def test_a_suggestion_knows_seconds_with_nanoseconds_and_dates(tmp_path):
     for head, stamp, wanted in (
         ("sec,nanosec", lambda k: f"{k // 100},{k % 100 * 10**7}", "nanosec"),
+        ("ZeitSec,ZeitNanoSec", lambda k: f"{k // 100},{k % 100 * 10**7}", "ZeitNanoSec"),
         ("when", lambda k: f"2024-01-31 {day_time(TIMES_S[k])}", "when"),
         ("day,even", lambda k: f"2024-01-31 {day_time(TIMES_S[k])},{k / 100}", "day"),
     ):
