@@ -111,7 +111,9 @@ def stream_doubts(summaries: Sequence[RecordingSummary]) -> list[StreamFinding]:
         compared = same if len(same) >= LEAST_OTHERS else others
         reasons = [*one.doubts] or [*_other_units(one, sizes)]
         if not reasons and one.task is not None:
-            reasons = [*_cut_off(one, same)] or [slips[index]][: bool(slips[index])]
+            reasons += _cut_off(one, same)
+        if not reasons and slips[index]:
+            reasons.append(slips[index])
         if not reasons:
             reasons += _unusual_lag(one, compared)
         reasons += _same_under_another_label(one, summaries)

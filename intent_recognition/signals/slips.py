@@ -66,19 +66,21 @@ class _Usual:
         self.names, self._turn = first.names, TURNS.get(first.unit, np.nan)
         found = np.stack([one.landmarks for one in recordings])
         found -= whole_turns(found[:, :1] - first.landmarks[0], self._turn)
-        self.middle = np.median(found, axis=0)
+        self._middle = np.median(found, axis=0)
         extent = np.median(np.linalg.norm(found[:, 3] - found[:, 2], axis=1))
-        std = 1.4826 * np.median(np.abs(found - self.middle), axis=0)  # of a normal distribution
+        std = 1.4826 * np.median(np.abs(found - self._middle), axis=0)  # of a normal distribution
         self._scale = std + max(LEAST_SPREAD * float(extent), 1e-12)
-        self._usual = float(np.median([self._away(one) for one in found])) or 1.0
+        self._usual = 1.0
+        self._usual = float(np.median([self.distance(one) for one in found])) or 1.0
+
+    def off(self, landmarks: Floats) -> Floats:
+        """Differences of landmarks (4, d) from the usual ones, angles within half a turn."""
+        off = landmarks - self._middle
+        return off - whole_turns(off[0], self._turn)
 
     def distance(self, landmarks: Floats) -> float:
         """Distance of landmarks (4, d) from the usual ones, relative to that of most recordings."""
-        turns = whole_turns(landmarks[0] - self.middle[0], self._turn)
-        return self._away(landmarks - turns) / self._usual
-
-    def _away(self, landmarks: Floats) -> float:
-        return float(np.sqrt(np.mean(np.square((landmarks - self.middle) / self._scale))))
+        return float(np.sqrt(np.mean(np.square(self.off(landmarks) / self._scale)))) / self._usual
 
 
 def _usual_places(recordings: Sequence[Sequence[SignalPlace]]) -> list[_Usual]:
@@ -116,7 +118,7 @@ def _slip_of_signal(place: SignalPlace, usual: _Usual, away: float) -> str:
     if away < ODD:
         return ""
     where = f"{place.names[0]}{', ...' if place.names[1:] else ''} lies"
-    off = place.landmarks - usual.middle
+    off = usual.off(place.landmarks)
     slips = *_slips(place), *_shifts(place, np.median(off, axis=0))
     undone = [(usual.distance(mended), slip) for slip, mended in slips]
     left, slip = min(undone)
@@ -143,9 +145,9 @@ def _slips(place: SignalPlace) -> Iterator[tuple[str, Floats]]:
     if n_dofs == 3 and place.unit not in TURNS:
         for order in permutations(range(3)):
             for signs in product((1.0, -1.0), repeat=3):
-                axes = ", ".join("- "[sign > 0].strip() + "xyz"[k] for sign, k in zip(signs, order))
-                said = f"other axes: its ({axes}) are the others' (x, y, z)"
-                yield said, _signed(landmarks[:, order], signs)
+                axes = [("-" if sign < 0 else "") + "xyz"[k] for sign, k in zip(signs, order)]
+                slip = f"other axes: its ({', '.join(axes)}) are the others' (x, y, z)"
+                yield slip, _signed(landmarks[:, order], signs)
         return
     for k in range(n_dofs):
         negated = _signed(landmarks, np.where(np.arange(n_dofs) == k, -1.0, 1.0))
@@ -159,14 +161,11 @@ def _slips(place: SignalPlace) -> Iterator[tuple[str, Floats]]:
 def _shifts(place: SignalPlace, shift: Floats) -> Iterator[tuple[str, Floats]]:
     """The same for shifts (d,): of positions as a whole, of others one by one."""
     if place.unit == "m":
-        away = f"{np.linalg.norm(shift):.2g} m away"
-        yield f"another frame, {away}", place.landmarks - shift
+        yield f"another frame, {np.linalg.norm(shift):.2g} m away", place.landmarks - shift
         return
     for name, one, column in zip(place.names, shift, np.eye(len(shift))):
-        yield (
-            f"another zero of {name}, {abs(one):.2g} {place.unit} off",
-            (place.landmarks - one * column),
-        )
+        slip = f"another zero of {name}, {abs(one):.2g} {place.unit} off"
+        yield slip, place.landmarks - one * column
 
 
 def _signed(landmarks: Floats, signs: Sequence[float] | Floats) -> Floats:
