@@ -107,7 +107,7 @@ class ActivationOutput:
         page = "dashboard", space
         if others := sorted({f"{space}/{name}" for name, space in names if (name, space) != page}):
             who = " and ".join(other.replace("//", "/") for other in others)
-            self.shared = f"shared arm: {who} publishes on {self._command_topic}, too"
+            self.shared = f"shared arm: {who} publishes on {topic}, too"
         return self.shared != before
 
     def outcomes(self, activation: Activation) -> None:
