@@ -21,7 +21,7 @@ from intent_recognition.cli import output
 from intent_recognition.cli.console import boxed_table, progress_bar, say
 from intent_recognition.cli.options import number
 from intent_recognition.cli.recordings import read_all
-from intent_recognition.cli.rejections import print_dropped, print_left_out
+from intent_recognition.cli.rejections import print_doubtful, print_dropped, print_left_out
 from intent_recognition.evaluation import (
     rehearsal_to_json,
     rehearse,
@@ -32,7 +32,7 @@ from intent_recognition.learning import Trained
 from intent_recognition.model import load_trained
 from intent_recognition.recognition import MAX_WRONG, decision_settings
 from intent_recognition.report import rehearsal_page, rehearsal_tables
-from intent_recognition.signals import Demonstration
+from intent_recognition.signals import Demonstration, stream_doubts, summarise
 
 OPTIONS = {"max_wrong": {"type": number(float, 0.001, 0.5), "default": MAX_WRONG}}
 
@@ -44,6 +44,7 @@ def run(args: argparse.Namespace) -> int:
     found, rejections = read_all(args.bags, model.dofs, console, of_model=True)
     print_left_out(console, rejections)
     print_dropped(console, found)
+    print_doubtful(console, stream_doubts([*map(summarise, found)]))
     recordings = _movements(console, trained, found)
     settings = decision_settings(model.library, args.max_wrong)
     with progress_bar(console) as bar:

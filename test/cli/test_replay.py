@@ -155,8 +155,12 @@ def test_numbers_worst_moments_and_suggestions(run_command, bags, tmp_path):
     printed = json.loads(run_command("rehearse", model, bags / "new", "--json")[1])
     assert printed["suggestions"] == content["suggestions"]
     write_recording(bags / "shown" / "nameless", perform(TRUTH, 0, 70), DOFS, task="")
+    for k in (0, 1):
+        copied = perform(TRUTH, 0, 71)
+        write_recording(bags / "shown" / f"copy_{k}", copied, DOFS, task=f"task_{k}")
     text = run_command("rehearse", model, bags / "shown")[1]
     assert "numbers flatter" in text and "left out nameless: it has no label" in text
+    assert "doubtful copy_0: the observed movement is, number by number, that of copy_1" in text
     with pytest.raises(BagError, match=r"missing topic.* Give recordings of what the") as said:
         run_command("rehearse", model, "bags/assembly")
     assert "--dofs" not in str(said.value)
