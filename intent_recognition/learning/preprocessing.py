@@ -271,10 +271,13 @@ def other_units_of(
 def slips_of(
     tasks: Mapping[str, TaskStatistics], preprocessing: Preprocessing
 ) -> list[StreamFinding]:
-    """Demonstrations that lie elsewhere than others of their task, each with the likely slip."""
+    """Demonstrations that lie elsewhere than others of their task, each with the likely slip.
+
+    Those with a context are not compared: it says that places differ.
+    """
     places = {
         task: [
-            [place_of(*signal) for signal in _signals(example, preprocessing)]
+            [place_of(*one) for one in _signals(example, preprocessing) if not example.context.size]
             for example in statistics.examples
         ]
         for task, statistics in tasks.items()

@@ -81,6 +81,7 @@ def summarise(recorded: Demonstration) -> RecordingSummary:
         digest.update(np.ascontiguousarray(signal.values).tobytes())
     signals = (*recorded.observed, *recorded.controlled)
     sizes = tuple((signal.names[0], size_of(signal.unit, signal.values)) for signal in signals)
+    compared = () if recorded.context else signals  # a context says that places differ
     return RecordingSummary(
         recorded.name,
         recorded.task,
@@ -88,7 +89,7 @@ def summarise(recorded: Demonstration) -> RecordingSummary:
         doubts,
         digest.digest(),
         sizes,
-        tuple(place_of(one.names, one.unit, one.values) for one in signals),
+        tuple(place_of(one.names, one.unit, one.values) for one in compared),
         _edge_speeds(recorded.observed),
     )
 

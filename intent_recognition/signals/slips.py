@@ -15,11 +15,11 @@ import numpy as np
 from intent_recognition.array_types import Floats
 from intent_recognition.signals.turns import TURNS, whole_turns
 
-ODD = 2.5
+ODD = 3.5
 """Distance from where recordings usually are, relative to that of most, from which a slip is looked
 for. Measured: docs/bags.md."""
-EXPLAINED = 0.5
-"""Largest part of the distance that may be left once a slip is undone."""
+EXPLAINED = 2.0
+"""Distance from which a recording is not among the others, once its slip is undone."""
 FAR = 10.0
 """Distance from which a recording is named without a slip."""
 LEAST_SPREAD = 0.05
@@ -105,7 +105,7 @@ def _slip(places: Sequence[SignalPlace], task: str, usual: Mapping[str, Sequence
     for other, theirs in usual.items():
         left = _distances(places, theirs)
         nearer = bool(left) and all(there <= here for there, here in zip(left, away))
-        if nearer and _explains(max(left), max(away)):
+        if nearer and max(left) < EXPLAINED:
             return f"it moves as recordings of {other} do. Likely the label of another task."
     for far, place, one in sorted(zip(away, places, usual[task]), key=lambda found: -found[0]):
         if found := _slip_of_signal(place, one, far):
@@ -122,7 +122,7 @@ def _slip_of_signal(place: SignalPlace, usual: _Usual, away: float) -> str:
     slips = *_slips(place), *_shifts(place, np.median(off, axis=0))
     undone = [(usual.distance(mended), slip) for slip, mended in slips]
     left, slip = min(undone)
-    if _explains(left, away):
+    if left < EXPLAINED:
         return f"{where} elsewhere than in the task's other recordings. Likely {slip}."
     if away < FAR:
         return ""
@@ -130,11 +130,6 @@ def _slip_of_signal(place: SignalPlace, usual: _Usual, away: float) -> str:
         f"{where} up to {np.abs(off).max():.2g} {place.unit} from where it is in the task's other"
         " recordings. Likely another frame or calibration, or another way of doing the task."
     )
-
-
-def _explains(left: float, away: float) -> bool:
-    """Whether a slip explains a distance of which this much is left."""
-    return left < min(EXPLAINED * away, ODD)
 
 
 def _slips(place: SignalPlace) -> Iterator[tuple[str, Floats]]:
