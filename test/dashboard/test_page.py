@@ -147,7 +147,7 @@ def look_on_a_phone(person):
 def teach_a_task(person):
     """Take the wrist, record three demonstrations, learn, and see the task recognised."""
     person.tab("Teach")
-    person.page.get_by_label("Take the wrist").check()
+    person.page.get_by_label("Take the wrist").click()
     person.page.locator("input.mantine-TextInput-input:visible").fill("wave")
     person.press("Record a demonstration")
     person.wait_for("Learn (1)")
@@ -169,7 +169,7 @@ def teach_a_task(person):
 def lead_the_path_elsewhere(person):
     """Drag the handle on the predicted path: the estimator takes the via point, and gives it up."""
     person.tab("Watch")
-    person.page.get_by_label("Drag the robot's path").check()
+    person.page.get_by_label("Drag the robot's path").click()
     person.wait_until(lambda: person.pixel("/via/handle") is not None, "the handle is drawn")
     drag(person, "/via/handle", NEAR_PIXELS)
     person.wait_until(lambda: person.pixel("/via/point0") is not None, "the via point is in force")
