@@ -232,9 +232,11 @@ class TopicRecorder(Node):
 
     def _begin(self, writer: BagWriter) -> None:
         """Write the last message of each latched topic, once the clock runs."""
+        if self._begun:
+            return
         simulated = simulated_ns(self)
         now_ns = time.time_ns() if simulated is None else simulated
-        if self._begun or now_ns == 0:
+        if now_ns == 0:
             return
         self._begun = True
         for source in self._sources.values():
