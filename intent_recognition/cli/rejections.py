@@ -3,7 +3,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from intent_recognition.cli.console import say
 from intent_recognition.errors import BagError, first_of
 from intent_recognition.learning import TrainingReport
 from intent_recognition.model import Frames, FromBags, mixed_frames
-from intent_recognition.signals import Demonstration, RecordingSummary, Rejection, stream_doubts
+from intent_recognition.signals import Demonstration, Rejection, StreamFinding
 
 
 def print_left_out(
@@ -84,12 +84,11 @@ def _print_lines(console: Console, lines: Sequence[str]) -> None:
 def with_found(
     report: TrainingReport,
     rejections: Sequence[Rejection],
-    summaries: Sequence[RecordingSummary],
+    doubts: Iterable[StreamFinding],
 ) -> TrainingReport:
-    """Extend a report by unreadable recordings and doubtful streams."""
+    """Extend a report by unreadable recordings and by what is doubtful."""
     unread = [(r.path, f"{r.topic}: {r.reason}" if r.topic else r.reason) for r in rejections]
-    doubts = tuple(stream_doubts(summaries))
-    return report._replace(rejected=(*unread, *report.rejected), doubts=doubts)
+    return report._replace(rejected=(*unread, *report.rejected), doubts=tuple(doubts))
 
 
 def print_found(console: Console, found: FromBags) -> None:

@@ -74,6 +74,7 @@ from intent_recognition.learning import (
 from intent_recognition.model import Model, Run, frames_of, save_model
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import FORGET_AFTER_S
+from intent_recognition.signals import stream_doubts
 
 PACE_WORDS = {
     "steady": "at steady progress",
@@ -159,7 +160,8 @@ def train(
     with busy(console, "learning"):
         report = learn_accumulated(found.accumulated, provenance)
     print_found(console, found)
-    return Model(report.library, dofs), with_found(report, found.rejections, found.summaries)
+    doubts = stream_doubts(found.summaries)
+    return Model(report.library, dofs), with_found(report, found.rejections, doubts)
 
 
 def print_library(console: Console, library: TaskLibrary, report: TrainingReport) -> None:

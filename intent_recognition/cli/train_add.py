@@ -66,8 +66,7 @@ def add_to_model(
         accumulated.n_rejected,
         more,
     )
-    report = with_found(report, found.rejections, found.summaries)
-    return Model(more.library, dofs), report._replace(doubts=tuple(found.doubts(more)))
+    return Model(more.library, dofs), with_found(report, found.rejections, found.doubts(more))
 
 
 def _print_known(console: Console, trained: Trained, accumulated: Accumulated) -> None:

@@ -23,7 +23,7 @@ from intent_recognition.learning import (
     learn_components,
 )
 from intent_recognition.model import Model, merge_frames
-from intent_recognition.signals import Demonstration, summarise
+from intent_recognition.signals import Demonstration, stream_doubts, summarise
 
 
 def add_unlabelled_options(parser: argparse.ArgumentParser) -> None:
@@ -82,8 +82,8 @@ def train_unlabelled(
     print_left_out(console, [f"{name}: {reason}" for name, reason in report.rejected])
     print_dropped(console, demonstrations)
     report = report._replace(rejected=(*found.rejected, *report.rejected))
-    summaries = [*map(summarise, found.demonstrations)]
-    return Model(report.library, dofs), with_found(report, rejections, summaries)
+    doubts = stream_doubts([*map(summarise, found.demonstrations)])
+    return Model(report.library, dofs), with_found(report, rejections, doubts)
 
 
 def find_components(
