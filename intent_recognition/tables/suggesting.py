@@ -82,8 +82,8 @@ def suggest_map(source: Path) -> str:
     if source.exists() and not tables_at(source) and (bags := find_bags(source)):
         return suggest_of_bags(source, bags)
     paths, errors = find_tables(source), list[BagError]()
-    kinds: list[FileKind] = []
     while paths and len(errors) < MOST_TRIED:
+        kinds: list[FileKind] = []
         try:
             kinds = file_kinds(source, paths)
             return _map_of(kinds)
