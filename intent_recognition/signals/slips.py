@@ -14,6 +14,7 @@ import numpy as np
 
 from intent_recognition.array_types import Floats
 from intent_recognition.signals.turns import TURNS, whole_turns
+from intent_recognition.signals.units import in_words
 
 ODD = 3.5
 """Distance from where recordings usually are, relative to that of most, from which a slip is looked
@@ -117,7 +118,7 @@ def _slip_of_signal(place: SignalPlace, usual: _Usual, away: float) -> str:
     """The slip of a signal at this distance from where it usually is."""
     if away < ODD:
         return ""
-    where = f"{place.names[0]}{', ...' if place.names[1:] else ''} lies"
+    where = f"{in_words(place.names)} lies"
     off = usual.off(place.landmarks)
     slips = *_slips(place), *_shifts(place, np.median(off, axis=0))
     undone = [(usual.distance(mended), slip) for slip, mended in slips]

@@ -105,7 +105,7 @@ def _misfits(recorded: _Recorded, brief: bool = False) -> Iterator[tuple[bool, s
     for (signal, odd), side in zip(found, sides, strict=True):
         if odd is not None:
             short = brief and odd.likely
-            said = f"{in_words(signal)}: {short}" if short else odd.reason
+            said = f"{in_words(signal.names)}: {short}" if short else odd.reason
             from_arrays = not recorded.source and np.isfinite(odd.factor)
             said += f" Or pass their unit as {side}_unit." if from_arrays else ""
             yield odd.certain, said
@@ -118,15 +118,16 @@ def _missing(recorded: _Recorded) -> str:
     onset_ns = start_ns + round((_onset_s(recorded) or 0.0) * 1e9)
     for signal in recorded.controlled:
         if not len(signal.stamps_ns):
-            return f"{in_words(signal)} has no sample while the human was observed"
+            return f"{in_words(signal.names)} has no sample while the human was observed"
         first, last = int(signal.stamps_ns[0]), int(signal.stamps_ns[-1])
         if first > end_ns or last < start_ns:
             away_s = max(first - end_ns, start_ns - last) * 1e-9
             edge = f"ends {away_s:.3g} s before they begin"
             edge = f"begins {away_s:.3g} s after they end" if first > end_ns else edge
             return (
-                f"{in_words(signal)} does not overlap with the observed streams: it {edge}. Likely"
-                " two clocks: synchronise them (chrony), or stamp both streams on one machine."
+                f"{in_words(signal.names)} does not overlap with the observed streams: it"
+                f" {edge}. Likely two clocks: synchronise them (chrony), or stamp both"
+                " streams on one machine."
             )
         late, early = first - onset_ns, end_ns - last
         if max(late, early) <= LARGEST_MISSING_SHARE * length:
@@ -139,7 +140,7 @@ def _missing(recorded: _Recorded) -> str:
         if last - first > length - missed:
             cause = "two clocks, since it is as long as they are"
         return (
-            f"{in_words(signal)} covers {share:.0%} of the observed streams: it"
+            f"{in_words(signal.names)} covers {share:.0%} of the observed streams: it"
             f" {' and '.join(where)}. Likely {cause}: record again."
         )
     return ""
@@ -162,7 +163,7 @@ def _shifted_clock(recorded: _Recorded) -> Iterator[str]:
         if abs(shift) > LATENCY_S:
             side = "ahead of" if shift > 0 else "behind"
             yield (
-                f"the stamps of {in_words(signal)} are {abs(shift):.2f} s {side} those of the"
+                f"the stamps of {in_words(signal.names)} are {abs(shift):.2f} s {side} those of the"
                 " observed streams received at the same time. Likely two clocks: synchronise them."
             )
 
@@ -176,8 +177,8 @@ def _shifted_edges(recorded: _Recorded) -> Iterator[str]:
         if alike and min(abs(begins_s), abs(ends_s)) > LATENCY_S:
             side = "later" if begins_s > 0 else "earlier"
             yield (
-                f"{in_words(signal)} begins and ends {abs(begins_s):.2f} s {side} than the observed"
-                " streams. Likely two clocks: synchronise them."
+                f"{in_words(signal.names)} begins and ends {abs(begins_s):.2f} s {side} than"
+                " the observed streams. Likely two clocks: synchronise them."
             )
 
 
@@ -212,7 +213,7 @@ def _holes(recorded: _Recorded) -> Iterator[str]:
         hole_ns = steps_ns.max(initial=0)
         if hole_ns > LARGEST_MISSING_SHARE * length_ns and hole_ns > 3.0 * np.median(steps_ns):
             yield (
-                f"{in_words(signal)} has no sample for {hole_ns * 1e-9:.2f} s,"
+                f"{in_words(signal.names)} has no sample for {hole_ns * 1e-9:.2f} s,"
                 f" {hole_ns / length_ns:.0%} of the recording, and is interpolated there. Likely a"
                 " tracker that lost the body, a driver that stopped, or a clock that was set."
             )
@@ -232,11 +233,11 @@ def sparse(signal: Signal) -> list[str]:
         return []
     if np.any(steps_ns % 10**9):
         return [
-            f"{in_words(signal)} was sampled at {rate_hz:.2g} Hz, and no movement is found"
+            f"{in_words(signal.names)} was sampled at {rate_hz:.2g} Hz, and no movement is found"
             f" online below {LEAST_RATE_HZ:.2g} Hz. Record it at 10 Hz or more."
         ]
     return [
-        f"the times of {in_words(signal)} are whole seconds. Likely milliseconds, or"
+        f"the times of {in_words(signal.names)} are whole seconds. Likely milliseconds, or"
         " numbers of samples, for seconds: correct the times."
     ]
 
@@ -246,14 +247,15 @@ def zeros(signal: Signal) -> list[str]:
     if len(signal.names) < 2 or not signal.values.size:
         return []
     if not signal.values.any():  # joints of a simulation may stay at zero
-        said = f"{in_words(signal)} is at exactly zero in every sample. Likely it was never seen."
+        said = "is at exactly zero in every sample. Likely it was never seen."
+        said = f"{in_words(signal.names)} {said}"
         return [said] if signal.unit == "m" else []
     hidden = hidden_rows(signal.values)
     number = signal.values[hidden.argmax(), 0]
     if not hidden.any() or (number != 0.0 and signal.unit != "m"):
         return []
     return [
-        f"{in_words(signal)} is at exactly {f'{number:.6g}' if number else 'zero'} in"
+        f"{in_words(signal.names)} is at exactly {f'{number:.6g}' if number else 'zero'} in"
         f" {hidden.sum()} of {hidden.size} samples, and jumps there. Likely nothing was measured"
         " then: leave these samples out."
     ]

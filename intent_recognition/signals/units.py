@@ -156,7 +156,7 @@ def misfit(signal: Signal, known: Known | None = None) -> Misfit | None:
         return None
     if unit == "m" and (stray := _stray(signal)) is not None:
         return stray
-    reason = f"{in_words(signal)} moves over {extent:.3g} {unit}"
+    reason = f"{in_words(signal.names)} moves over {extent:.3g} {unit}"
     reason += f" at up to {speed:.3g} {unit}/s" if speed > FAST else ""  # too low if sparse
     reason += f" and is at {farthest:.3g} {unit}" if turned else ""
     reason += f", and the arm cannot reach over {known.widest:.3g} {unit}" if too_wide else ""
@@ -187,8 +187,9 @@ def _stray(signal: Signal) -> Misfit | None:
     row = int(np.argmax(np.where(far, away, -np.inf)))
     at_s = (signal.stamps_ns[row] - signal.stamps_ns[0]) * 1e-9
     reason = (
-        f"{in_words(signal)} at {at_s:.3g} s is {away[row]:.3g} m from its median, in {far.sum()}"
-        f" of {far.size} samples so far. Likely a tracker's error: leave these samples out."
+        f"{in_words(signal.names)} at {at_s:.3g} s is {away[row]:.3g} m from its median, in"
+        f" {far.sum()} of {far.size} samples so far. Likely a tracker's error: leave these"
+        " samples out."
     )
     return Misfit(reason, np.nan, certain=True)
 
@@ -201,7 +202,7 @@ def time_misfit(signal: Signal) -> Misfit | None:
     if SHORTEST_PERIOD_S <= period_s <= LONGEST_PERIOD_S:
         return None
     length_s = float(signal.stamps_ns[-1] - signal.stamps_ns[0]) * 1e-9
-    reason = f"{in_words(signal)} has a sample every {period_s:.3g} s, over {length_s:.3g} s"
+    reason = f"{in_words(signal.names)} has a sample every {period_s:.3g} s, over {length_s:.3g} s"
     units = {f"{name} for seconds": factor for name, factor in OFTEN_TIMES.items()}
     units |= {f"seconds for {name}": 1.0 / factor for name, factor in OFTEN_TIMES.items()}
     units["minutes for seconds"] = 1.0 / 60.0
@@ -256,7 +257,7 @@ def scene_misfit(signal: Signal) -> Misfit | None:
     found = misfit(signal)
     if found is None and signal.unit == "m" and signal.values.size:
         found = place_misfit(np.median(signal.values, axis=0))
-        found = found and found._replace(reason=f"{in_words(signal)} {found.reason}")
+        found = found and found._replace(reason=f"{in_words(signal.names)} {found.reason}")
     return found
 
 
@@ -284,9 +285,9 @@ def _nearest_usual(unit: str, length: float) -> dict[str, float]:
     return {nearest: often[nearest]} | also
 
 
-def in_words(signal: Signal) -> str:
-    """Name of a signal: its first DOF, followed by an ellipsis if there are more."""
-    return ", ".join(signal.names[:1]) + (", ..." if len(signal.names) > 1 else "")
+def in_words(names: Sequence[str]) -> str:
+    """Name of a signal with these DOFs: the first, followed by an ellipsis if there are more."""
+    return ", ".join(names[:1]) + (", ..." if len(names) > 1 else "")
 
 
 def _outside(signal: Signal, known: Known) -> Misfit | None:
