@@ -20,7 +20,6 @@ from intent_recognition.promp import (
     dof_variance,
     reference_phase,
     residual_weights,
-    state_shift,
     steady_phase,
 )
 
@@ -60,10 +59,11 @@ class TaskPrediction:
         self.durations_s = self._rows["onset_s"] + self._rows["duration_s"]
         self.elapsed_s = max((one.elapsed_s for one in seen), default=0.0)
         places = [one for one in seen if not one.derivative]
-        gains = library.coupling and library.coupling.gain, library.state_gain
+        coupling, regression = library.coupling, library.pose_regression
+        used = coupling and coupling.gain, regression and regression.share
         known = task < library.n_tasks and not table.has_offsets
         self._seen, self._led = (
-            places if known and gain is not None and np.any(gain[task]) else [] for gain in gains
+            places if known and of is not None and np.any(of[task]) else [] for of in used
         )
         self._relative = self.durations_s[:, None] / library.usual_s[task]
         self._likely = np.flatnonzero(duration_weights > NEGLIGIBLE_SHARE)
@@ -106,8 +106,8 @@ class TaskPrediction:
         """Mean and mean square of the controlled agent at times after onset, (T, Q) each.
 
         Both are over durations and phase deviations (Ewerton et al. 2015, Eq. 14) and include the
-        coupling of the residuals (`promp.coupling`), with a known start that to the present state,
-        too; the mean square includes the noise.
+        coupling of the residuals (`promp.coupling`) and, with a known start, the regression on the
+        present state (`promp.pose_regression`); the mean square includes the noise.
         """
         library, likely, share = self.library, self._likely, self._share
         mean, covariance = self._controlled_weights(start)
@@ -122,25 +122,27 @@ class TaskPrediction:
         mean = np.tensordot(share, expected, 1)
         variance = np.tensordot(share, variance + (expected - mean) ** 2, 1)
         if start is not None and self._led:
-            mean = mean + self._state_shift(times_s)
+            mean = self._regressed(times_s, mean)
         return mean, variance + mean**2
 
-    def _state_shift(self, times_s: Floats) -> Floats:
-        """Shift of the controlled agent by the present state, (T, Q)."""
+    def _regressed(self, times_s: Floats, mean: Floats) -> Floats:
+        """Predicted poses (T, Q) moved towards those of the regression on the present state."""
         library, likely = self.library, self._likely
         seen_s, values = _values(self._led, library.n_observed)
         at_s = self.elapsed_s - np.array([0.0, STEP]) * self.duration_s
-        known, gain = ~np.isnan(values), library.state_gain
-        if gain is None or not np.all(known.any(axis=0)):
-            return np.zeros((len(times_s), library.n_controlled))
+        known, regression = ~np.isnan(values), library.pose_regression
+        if regression is None or not np.all(known.any(axis=0)):
+            return mean
         columns = zip(values.T, known.T, strict=True)
         last, before = np.array([np.interp(at_s, seen_s[k], v[k]) for v, k in columns]).T
         phases = self.phases_at(at_s[:1])[likely, 0] @ self._design
         scaling = library.in_durations(self.task, self.durations_s[likely])
         row = np.einsum("k,kn,knm->m", self._share, phases, scaling)
         usual = library.weight_mean[self.task, library.n_observed_weights :].reshape(-1, len(row))
-        state = np.concatenate([last, last - before, usual @ row, [1.0]])
-        return state_shift(gain[self.task], state, (times_s - self.elapsed_s) / self.duration_s)
+        state = np.concatenate([last, last - before, usual @ row])
+        leads = (times_s - self.elapsed_s) / self.duration_s
+        poses, part = regression.at(self.task, state, leads)
+        return mean + part * (poses - mean)
 
     def _controlled_weights(
         self, start: StartPosture | None, *, together: bool = False

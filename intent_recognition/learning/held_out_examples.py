@@ -53,6 +53,7 @@ class LeftOutExample(NamedTuple):
     poses: Floats  # controlled DOFs at `pose_phases`, (58, Q)
     duration_s: float
     log_duration: float  # mean log duration of the task's other demonstrations [log s]
+    group: str  # the person who showed it, "" if unknown
 
     @property
     def truth(self) -> Floats:
@@ -171,6 +172,7 @@ def _left_out(
         as_recorded.controlled,
         as_recorded.duration_s,
         rest.log_duration,
+        as_recorded.group,
     )
 
 

@@ -47,8 +47,8 @@ from intent_recognition.learning.hyperparameters import (
     is_clear,
 )
 from intent_recognition.learning.persons import compares_people
+from intent_recognition.learning.pose_regression import learn_pose_regression
 from intent_recognition.learning.regression_variance import choose_regression_variance
-from intent_recognition.learning.state_gain import learn_state_gain
 from intent_recognition.learning.statistics import TaskStatistics, pooled_moments, variance_scales
 from intent_recognition.promp import LAGS, TaskLibrary, explained_by_lag
 from intent_recognition.signals import is_spatial
@@ -66,7 +66,7 @@ class Choice(NamedTuple):
     """The chosen hyperparameters, and what was learned along with them.
 
     Attributes:
-        couplings: `coupling` and `state_gain` of the library; None if no task has any.
+        couplings: `coupling` and `pose_regression` of the library; None if no task has any.
         tried: all hyperparameters that were scored.
     """
 
@@ -111,7 +111,7 @@ def choose(
         return min(tried, key=lambda one: round(tried[one].score, 9))  # ignores rounding
 
     if not all(left_out(Hyperparameters(pace)) for pace in candidates):
-        nothing = {"coupling": None, "state_gain": None}
+        nothing = {"coupling": None, "pose_regression": None}
         return Choice(Hyperparameters(), nothing, (Hyperparameters(),))
     tried: dict[Hyperparameters, Hyperparameters] = {}
     parts: dict[Hyperparameters, Floats] = {}
@@ -145,11 +145,11 @@ def choose(
     of_best = left_out(best)
     variance = _variance(library, of_best)
     exponent, coupling = choose_duration_evidence(library, of_best, FRACTIONS, variance)
-    gain = learn_state_gain(library, of_best, exponent, coupling, variance)
+    regression = learn_pose_regression(library, of_best, exponent, coupling, variance)
     uncertain = choose_regression_variance(library, of_best, tasks, FRACTIONS)
     chosen = tried[best]._replace(duration_evidence=exponent, regression_variance=uncertain)
     tried[best] = chosen
-    found = {"coupling": coupling if np.any(coupling.gain) else None, "state_gain": gain}
+    found = {"coupling": coupling if np.any(coupling.gain) else None, "pose_regression": regression}
     return Choice(chosen, found, (*tried.values(),))
 
 

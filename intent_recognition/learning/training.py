@@ -39,7 +39,7 @@ from intent_recognition.learning.statistics import TaskStatistics, merge_tasks, 
 from intent_recognition.learning.timing import PACES
 from intent_recognition.learning.unknown_task import learn_none_margin
 from intent_recognition.learning.unnamed_people import told_apart, with_people
-from intent_recognition.promp import ResidualCoupling, TaskLibrary
+from intent_recognition.promp import TaskLibrary, stack_tasks
 from intent_recognition.signals import Demonstration, StreamFinding, label_doubts
 
 
@@ -272,16 +272,15 @@ def _priors(before: TaskLibrary, labels: tuple[str, ...]) -> dict[str, Any]:
 
 def _couplings(before: TaskLibrary, labels: tuple[str, ...]) -> dict[str, Any]:
     """Extend couplings to more tasks; the new ones have none."""
-    known = [labels.index(label) for label in before.labels]
-    coupling, state_gain = before.coupling, before.state_gain
-    if coupling is not None:
-        coupling = ResidualCoupling.none(len(labels), before.n_controlled, before.n_observed)
-        for whole, part in zip(coupling, before.coupling or (), strict=True):
-            whole[known] = part
-    if before.state_gain is not None:
-        state_gain = np.zeros((len(labels), *before.state_gain.shape[1:]))
-        state_gain[known] = before.state_gain
-    return {"coupling": coupling, "state_gain": state_gain}
+    found = {}
+    for name in ("coupling", "pose_regression"):
+        learned = getattr(before, name)
+        if learned is not None:
+            of_tasks = zip(before.labels, *learned, strict=True)
+            parts = {labels.index(label): own for label, *own in of_tasks}
+            learned = type(learned)(*stack_tasks(learned._fields, parts, len(labels)))
+        found[name] = learned
+    return found
 
 
 def _check_enough(accumulated: Accumulated) -> Preprocessing:

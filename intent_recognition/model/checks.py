@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks of the arrays and the header of a model file."""
 
-from collections.abc import Collection
+from collections.abc import Mapping
 from math import inf
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,7 @@ from intent_recognition.promp import (
     ContextModel,
     LeftOutOdds,
     PhaseDeviation,
+    PoseRegression,
     ResidualCoupling,
     TaskLibrary,
 )
@@ -61,6 +62,11 @@ SCALARS = (
 )
 
 
+def _prefixed(prefix: str, kind: type[NamedTuple], *axes: str) -> dict[str, str]:
+    """Axes of the arrays of a type, by their names in the file."""
+    return {f"{prefix}_{name}": one for name, one in zip(kind._fields, axes, strict=True)}
+
+
 SHAPES = {
     "weight_mean": "kw",
     "weight_covariance": "kww",
@@ -79,19 +85,19 @@ SHAPES = {
 }
 """Axes of each array of a model: k tasks, l one more; d DOFs, of which the p observed ones form g
 groups, and q are controlled; w weights, of which o are observed; m numbers of the context."""
-USUAL, STOP, STATE, COUPLING, CONTEXT = (
+USUAL, STOP, POSE, COUPLING, CONTEXT = (
     {"usual_log_duration": "l"},
     {"stop_margin": ""},
-    {"state_gain": "ktqs"},
-    dict(zip((f"coupling_{name}" for name in ResidualCoupling._fields), ("kqp", "kq", "k"))),
+    _prefixed("pose", PoseRegression, "ks", "ks", "kns", "k", "kntq", "kt"),
+    _prefixed("coupling", ResidualCoupling, "kqp", "kq", "k"),
     {"context_mean": "km", "context_covariance": "kmm", "context_gain": "kwm"},
 )
 """Axes of the arrays of usual durations, the margin after a stop, couplings and context, which not
-every library has; t leads, s numbers of the present state."""
+every library has; n moments, t leads, s numbers of the present state."""
 
 
 def shapes_of(
-    content: Collection[str], n_tasks: int, dofs: DofSpec, n_basis: int
+    content: Mapping[str, NDArray[Any]], n_tasks: int, dofs: DofSpec, n_basis: int
 ) -> dict[str, tuple[int, ...]]:
     """Shapes of the arrays of a model; of what not every library has, if `content` names it."""
     observed, controlled = len(dofs.observed_names), len(dofs.controlled_names)
@@ -99,8 +105,9 @@ def shapes_of(
     size |= {"d": observed + controlled, "g": len(dofs.observed), "m": len(dofs.context_names)}
     size |= {"w": (observed + controlled) * n_basis, "o": observed * n_basis}
     wanted = SHAPES | (CONTEXT if dofs.context else {})
-    size |= {"t": len(LEADS), "s": 2 * observed + controlled + 1}
-    for some in (USUAL, STOP, STATE, COUPLING):
+    moments = content["pose_states"].shape[1:2] if "pose_states" in content else ()
+    size |= {"t": len(LEADS), "s": 2 * observed + controlled, "n": sum(moments)}
+    for some in (USUAL, STOP, POSE, COUPLING):
         wanted |= some if some.keys() & content else {}
     return {name: tuple(size[axis] for axis in axes) for name, axes in wanted.items()}
 
@@ -131,6 +138,10 @@ def check_values(path: str | Path, numbers: dict[str, NDArray[Any]]) -> None:
         explained = numbers["coupling_explained"]
         share = bool(np.all((explained >= 0.0) & (explained < 1.0)))
         require(share, f"{path}: coupling_explained", "at least 0 and below 1", explained)
+    if "pose_share" in numbers:
+        check_positive(path, numbers, "pose_scale", "pose_length")
+        share = bool(np.all(np.abs(numbers["pose_share"] - 0.5) <= 0.5))
+        require(share, f"{path}: pose_share", "between 0 and 1", numbers["pose_share"])
 
 
 def check_groups(path: str | Path, groups: NDArray[Any], n_observed: int, n_onset: int) -> None:
@@ -199,9 +210,10 @@ def optional_arrays(library: TaskLibrary) -> dict[str, Floats]:
     """Arrays that not every library has, as far as this one has them."""
     context = library.context
     arrays = dict(zip(COUPLING, library.coupling or ()))
+    arrays |= zip(POSE, library.pose_regression or ())
     if context is not None:
         arrays |= zip(CONTEXT, (context.mean, context.covariance, context.gain))
-    own = {name: getattr(library, name) for name in (*USUAL, *STOP, *STATE)}
+    own = {name: getattr(library, name) for name in (*USUAL, *STOP)}
     return arrays | {n: np.asarray(one) for n, one in own.items() if one is not None}
 
 
@@ -221,8 +233,10 @@ def context_of(dofs: DofSpec, numbers: dict[str, NDArray[Any]]) -> ContextModel 
     )
 
 
-def coupling_of(numbers: dict[str, NDArray[Any]]) -> ResidualCoupling | None:
-    """Residual coupling, taken out of checked arrays; None without one."""
-    if not COUPLING.keys() & numbers:
-        return None
-    return ResidualCoupling(*(numbers.pop(name) for name in COUPLING))
+def couplings_of(numbers: dict[str, NDArray[Any]]) -> dict[str, Any]:
+    """`coupling` and `pose_regression`, taken out of checked arrays; None without one."""
+    parts = ("coupling", ResidualCoupling, COUPLING), ("pose_regression", PoseRegression, POSE)
+    return {
+        name: kind(*map(numbers.pop, names)) if names.keys() & numbers.keys() else None
+        for name, kind, names in parts
+    }

@@ -30,15 +30,15 @@ from intent_recognition.model.checks import (
     COUPLING,
     DEVIATION_STD,
     OF_DEVIATION,
+    POSE,
     SCALARS,
     SHAPES,
-    STATE,
     STOP,
     USUAL,
     check_groups,
     check_values,
     context_of,
-    coupling_of,
+    couplings_of,
     evidence_freedom,
     labels_of,
     left_out_odds,
@@ -173,7 +173,7 @@ def _model(path: Path, content: dict[str, NDArray[Any]], header: dict) -> Model:
     for name in (*SCALARS, *(STOP.keys() & shapes.keys())):
         numbers[name] = float(numbers[name])
     numbers["observed_groups"] = tuple(numbers["observed_groups"].tolist())
-    context, coupling = context_of(dofs, numbers), coupling_of(numbers)
+    context, couplings = context_of(dofs, numbers), couplings_of(numbers)
     library = TaskLibrary(
         labels=labels,
         basis=basis,
@@ -187,7 +187,7 @@ def _model(path: Path, content: dict[str, NDArray[Any]], header: dict) -> Model:
         left_out_odds=left_out_odds(path, header),
         provenance=provenance,
         context=context,
-        coupling=coupling,
+        **couplings,
         **numbers,
     )
     return Model(library, dofs)
@@ -248,7 +248,7 @@ def _with_references(
 
 def _read(path: Path, more: Sequence[str] = ()) -> dict[str, NDArray[Any]]:
     """Header, arrays of a model, and further arrays, as far as the file has them."""
-    wanted = ("header", *SHAPES, DEVIATION_STD, *CONTEXT, *COUPLING, *USUAL, *STOP, *STATE, *more)
+    wanted = ("header", *SHAPES, DEVIATION_STD, *CONTEXT, *COUPLING, *USUAL, *STOP, *POSE, *more)
     try:
         return read_arrays(path, wanted)
     except FileNotFoundError as error:

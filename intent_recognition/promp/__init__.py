@@ -17,13 +17,7 @@ from intent_recognition.promp.control_points import (
     distance_to,
     through,
 )
-from intent_recognition.promp.coupling import (
-    LEADS,
-    STEP,
-    ResidualCoupling,
-    residual_weights,
-    state_shift,
-)
+from intent_recognition.promp.coupling import ResidualCoupling, residual_weights
 from intent_recognition.promp.interaction import InteractionProMP
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.phase_deviation import (
@@ -35,6 +29,13 @@ from intent_recognition.promp.phase_deviation import (
     reference_phase,
     steady_phase,
     steady_rate,
+)
+from intent_recognition.promp.pose_regression import (
+    LEADS,
+    STEP,
+    PoseRegression,
+    pose_kernel,
+    stack_tasks,
 )
 from intent_recognition.promp.prediction import (
     USUAL_END_STD,

@@ -106,7 +106,7 @@ def through(library: TaskLibrary, points: Mapping[int, Sequence[ControlPoint]]) 
         weight_mean=mean,
         weight_covariance=covariance,
         coupling=None,
-        state_gain=None,
+        pose_regression=None,
         displacement_exponent=0.0,
         delay_s=0.0,
     )

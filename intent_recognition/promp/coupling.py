@@ -9,13 +9,6 @@ follows by the regression
     E[r_c(t)] = G E[r_o(t)],    G = B_co B_oo^-1,
 
 where E[r_o(t)] interpolates the observed residuals between measurements and decays after the last.
-
-Where the controlled agent's start is known, its residual ahead of now also follows the present
-state s: the observed agent's position, its displacement over `STEP`, the controlled agent's usual
-position at this phase, and 1, which are F = 2 P + Q + 1 numbers. Its predicted position would not
-do: in validation, it is predicted without the very movement whose residual is to be explained.
-
-    E[r_c(t + lead)] = G_lead s(t)
 """
 
 from typing import NamedTuple
@@ -23,13 +16,6 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.array_types import Floats
-
-LEADS = np.array([0.0, 0.02, 0.05, 0.1])
-"""Leads for which the regression on the present state is learned, in durations."""
-FADED = -0.02, 0.2
-"""Leads before and after those at which that regression has faded to none, in durations."""
-STEP = 2.0 / 60.0
-"""Interval of the displacement, in durations: two samples of the filter."""
 
 
 class ResidualCoupling(NamedTuple):
@@ -81,15 +67,3 @@ def residual_weights(seen_s: Floats, times_s: Floats, decay_s: float) -> tuple[F
     weights[rows, before] += of_before
     weights[rows, after] += of_after
     return weights, np.clip(of_before * past + of_after * future, 0.0, 1.0)
-
-
-def state_shift(gain: Floats, state: Floats, leads: Floats) -> Floats:
-    """Expected residual of the controlled agent given the present state, (T, Q).
-
-    Args:
-        gain: coefficients G at each of `LEADS`, (L, Q, F).
-        state: the present state, (F,).
-        leads: times after now in durations, (T,).
-    """
-    at, known = np.r_[FADED[0], LEADS, FADED[1]], np.pad(gain @ state, ((1, 1), (0, 0)))
-    return np.stack([np.interp(leads, at, column) for column in known.T], axis=1)

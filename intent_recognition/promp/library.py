@@ -20,6 +20,7 @@ from intent_recognition.promp.context import ContextModel, as_context
 from intent_recognition.promp.coupling import ResidualCoupling
 from intent_recognition.promp.interaction import InteractionProMP
 from intent_recognition.promp.phase_deviation import STEADY, PhaseDeviation
+from intent_recognition.promp.pose_regression import PoseRegression
 from intent_recognition.promp.regressions import Regressions
 from intent_recognition.promp.risk import NO_ODDS, LeftOutOdds
 from intent_recognition.promp.trajectory import rollout
@@ -69,8 +70,8 @@ class TaskLibrary:
         context: dependence of the weights on the scene; None if none was learned, or if the weights
             are already conditioned on it (`given`).
         coupling: coupling of both agents' residuals; None for none.
-        state_gain: regression of the controlled agent's residual on the present state
-            (`promp.state_shift`), (K, L, Q, F); None for none.
+        pose_regression: regression of the controlled agent's pose on the present state; None for
+            none.
         regression_variance: variance of the coefficients in the regression of the controlled on the
             observed weights (`Regressions.uncertainty`).
         usual_log_duration: log seconds of the tasks' and none's usual durations, (K + 1,), for
@@ -118,7 +119,7 @@ class TaskLibrary:
     displacement_exponent: float = 0.0
     delay_s: float = 0.0
     stop_margin: float | None = None
-    state_gain: Floats | None = None
+    pose_regression: PoseRegression | None = None
 
     def __repr__(self) -> str:
         """Tasks and sizes; the arrays are attributes."""

@@ -14,6 +14,7 @@ from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp import (
     LEADS,
     ControlPoint,
+    PoseRegression,
     ResidualCoupling,
     TaskLibrary,
     residual_weights,
@@ -307,16 +308,17 @@ def test_coupled_residuals_are_added_and_take_their_share_of_the_variance(rng):
     )
 
 
-def test_with_a_known_start_the_present_state_shifts_what_is_ahead(rng):
+def test_with_a_known_start_what_is_ahead_follows_the_present_state(rng):
     """A state worked out by hand; nothing else changes, and nothing long ago or far ahead.
 
-    The shift has no step, of which velocities would be made.
+    The share has no step, of which velocities would be made.
     """
     library = library_with(rng, STEADY, groups=(2, 1))
-    gain = rng.normal(size=(2, len(LEADS), 2, 9))
+    sizes = (2, 8), (2, 8), (2, 5, 8), (2,), (2, 5, len(LEADS), 2), (2, len(LEADS))
+    regression = PoseRegression(*map(rng.random, sizes))
     observations = seen(library, rng, 24)
     hypotheses = fixed_prior_grid(library, 2.0)
-    run = run_on(replace(library, state_gain=gain), 0, hypotheses, observations)
+    run = run_on(replace(library, pose_regression=regression), 0, hypotheses, observations)
     alone = run_on(library, 0, hypotheses, observations)
     now = run.elapsed_s
     times = np.array([0.3, now - 0.01, now, now + 0.07, now + 0.2, now + 0.4])
@@ -332,17 +334,23 @@ def test_with_a_known_start_the_present_state_shifts_what_is_ahead(rng):
     last, before = np.array([at[dof] for dof in range(3)]).T
     row = library.basis.design_matrix(np.array([now / 2.0]))[0]
     usual = library.weight_mean[0, library.n_observed_weights :].reshape(2, -1) @ row
-    state = np.concatenate([last, last - before, usual, [1.0]])
-    between = 0.5 * (gain[0, 1] + gain[0, 2]) @ state
-    first = gain[0, 0] @ state
-    shift = np.array([0.0 * first, 0.75 * first, first, between, gain[0, 3] @ state])
+    state = np.concatenate([last, last - before, usual])
+    state = (state - regression.centre[0]) / regression.scale[0]
+    poses = np.zeros((len(LEADS), 2))
+    for known, coefficients in zip(regression.states[0], regression.coefficients[0], strict=True):
+        near = np.exp(-np.sum((state - known) ** 2) / (16.0 * regression.length[0] ** 2))
+        poses += (100.0 + state @ known / 8.0 + near) * coefficients
+    between = 0.5 * (poses[1] + poses[2])
+    towards = np.array([poses[0], poses[0], poses[0], between, poses[3]])
+    first, second, third, last = regression.share[0]
+    share = np.array([0.0, 0.75 * first, first, 0.5 * (second + third), last])[:, None]
     found, found_square = run.mixture_at(times, start)
-    np.testing.assert_allclose(found[:5], mean[:5] + shift, atol=1e-4)
+    np.testing.assert_allclose(found[:5], mean[:5] + share * (towards - mean[:5]), atol=1e-4)
     np.testing.assert_allclose(found_square - found**2, square - mean**2, atol=1e-9)
     np.testing.assert_allclose(found[5], mean[5], atol=1e-9)
     np.testing.assert_array_equal(run.mixture_at(times), alone.mixture_at(times))
     alone, blind = (
         run_on(one, 0, hypotheses, [o for o in observations if o.group == 0])
-        for one in (library, replace(library, state_gain=gain))
+        for one in (library, replace(library, pose_regression=regression))
     )
     np.testing.assert_array_equal(blind.mixture_at(times, start), alone.mixture_at(times, start))

@@ -292,7 +292,7 @@ def test_where_nothing_can_be_left_out_or_told_apart_the_defaults_are_taken():
     library = library_from_statistics(data.tasks, data.preprocessing, Hyperparameters())
     alone = {"task_1": data.tasks["task_1"]}
     chosen, couplings, tried = choose({"own": (library, alone)}, alone)
-    assert couplings == {"coupling": None, "state_gain": None}
+    assert couplings == {"coupling": None, "pose_regression": None}
     assert tried == (chosen,) and np.isnan(chosen.score)
     assert chosen[:2] == Hyperparameters()[:2]
     data = accumulated(6, counts=(4,))

@@ -16,7 +16,7 @@ from same_library import assert_same
 
 from intent_recognition.demonstrations.dofs import DofSpec
 from intent_recognition.errors import DofError, ModelError
-from intent_recognition.model.checks import COUPLING
+from intent_recognition.model.checks import COUPLING, POSE
 from intent_recognition.model.file import (
     DEVIATION_STD,
     FORMAT_VERSION,
@@ -30,6 +30,7 @@ from intent_recognition.promp import (
     LEADS,
     LeftOutOdds,
     PhaseDeviation,
+    PoseRegression,
     ResidualCoupling,
     TaskLibrary,
 )
@@ -44,7 +45,9 @@ def a_coupling(library: TaskLibrary) -> ResidualCoupling:
 def model() -> Model:
     dofs = make_dofs(WRIST, GLOVE)
     library = true_library(dofs)
-    n_state = 2 * library.n_observed + library.n_controlled + 1
+    n_controlled, n_leads = library.n_controlled, len(LEADS)
+    n_state = 2 * library.n_observed + n_controlled
+    sizes = (n_state,), (n_state,), (6, n_state), (), (6, n_leads, n_controlled), (n_leads,)
     library = replace(
         library,
         observed_weight_covariance=1.5 * library.observed_covariance[:-1],
@@ -57,7 +60,7 @@ def model() -> Model:
         left_out_odds=LeftOutOdds((0.5, -1.25), ("anna", "")),
         provenance={"bags": ["a", "b"], "package_version": "1"},
         coupling=a_coupling(library),
-        state_gain=np.full((library.n_tasks, len(LEADS), library.n_controlled, n_state), 0.1),
+        pose_regression=PoseRegression(*(np.full((library.n_tasks, *size), 0.1) for size in sizes)),
         usual_log_duration=np.linspace(0.1, 0.4, library.n_tasks + 1),
         displacement_exponent=2.0,
         delay_s=0.25,
@@ -108,8 +111,9 @@ def test_what_was_written_is_read_bit_for_bit(model, written):
 
 
 def test_a_model_may_be_without_a_coupling(written, tmp_path):
-    without = rewritten(tmp_path / "m.npz", written, **dict.fromkeys((*COUPLING, "state_gain")))
-    assert load_model(without).library.coupling is load_model(without).library.state_gain is None
+    without = rewritten(tmp_path / "m.npz", written, **dict.fromkeys((*COUPLING, *POSE)))
+    library = load_model(without).library
+    assert library.coupling is library.pose_regression is None
 
 
 def test_a_folder_is_made_and_nothing_is_left_beside(model, tmp_path):
@@ -223,6 +227,11 @@ def test_a_value_that_is_not_finite_is_named(written, tmp_path, name, value):
         ("displacement_exponent", lambda a: a + 30.0),
         ("delay_s", lambda a: a + 1e7),
         ("coupling_decay_s", lambda a: None),
+        ("pose_coefficients", lambda a: a[:, :-1]),
+        ("pose_states", lambda a: a[0, 0, 0]),
+        ("pose_scale", lambda a: 0.0 * a),
+        ("pose_share", lambda a: a + 1.0),
+        ("pose_length", lambda a: None),
         (DEVIATION_STD, lambda a: None),
         (DEVIATION_STD, lambda a: a[:1]),
         (DEVIATION_STD, lambda a: np.zeros((2, 2))),
