@@ -176,7 +176,7 @@ class ArmTracking:
         """Largest distance of a joint from the first n commands, for each lag (n_lags,) [rad]."""
         times_ns = (measured.time_ns - LATENESSES_NS).tolist()
         asked = [self._by(time_ns, n).at(time_ns).position for time_ns in times_ns]
-        return np.asarray(np.abs(np.array(asked) - measured.position).max(axis=1))
+        return self._common.settings.limits.largest(np.array(asked) - measured.position)
 
     def lost(self, now_ns: int) -> bool | None:
         """Whether the command that has ended never reached the arm; None while that is unknown.
@@ -195,8 +195,9 @@ class ArmTracking:
             return None
         if not before:
             return False
-        off_rad = np.abs(measured.position - before[-1].at(measured.time_ns).position).max()
-        lost = off_rad <= HELD_WITHIN_RAD and self.at_rest(measured)
+        off = measured.position - before[-1].at(measured.time_ns).position
+        held = self._common.settings.limits.largest(off) <= HELD_WITHIN_RAD
+        lost = held and self.at_rest(measured)
         if lost:
             self._return_to(before[-1], "rests at the end of")
         return bool(lost)
@@ -228,7 +229,7 @@ class ArmTracking:
         if measured.velocity is None:
             speed = self._speed()
             return speed is not None and speed <= _REST_RAD_S
-        return bool(np.abs(measured.velocity).max() <= _REST_RAD_S)
+        return bool(self._common.settings.limits.largest(measured.velocity) <= _REST_RAD_S)
 
     def _speed(self, least_ns: int = _REST_WINDOW_NS) -> float | None:
         """Largest mean speed of a joint between both halves of the recent positions [rad/s].
@@ -242,7 +243,7 @@ class ArmTracking:
         if short or gap_s > self._common.settings.max_joint_state_age_s:
             return None
         way = table[half:].mean(axis=0) - table[:half].mean(axis=0)
-        return float(np.abs(way[1:]).max() / way[0])
+        return float(self._common.settings.limits.largest(way[1:]) / way[0])
 
     def put_in_force(self, now_ns: int, command: Command) -> Command:
         """Record a command that takes over at its start; return it as it is to be sent."""
@@ -319,10 +320,10 @@ class ArmTracking:
         measured = self._recent(now_ns)
         if measured is None:
             return "stale_joint_states"
-        error = self._error(measured)
-        if error <= self._common.settings.max_tracking_error_rad:
+        if self._error(measured) <= self._common.settings.max_tracking_error_rad:
             return ""
-        text = f"arm is {error:.2f} rad off its reference"
+        off = self._common.settings.limits.in_words(self._difference(measured))
+        text = f"arm is {off} off its reference"
         self._report_once("arm_off_reference", self.last_command_ns, text)
         return "arm_off_reference"
 
@@ -333,12 +334,12 @@ class ArmTracking:
         without one, the arm must be seen at rest, at one place: else, too, None. If it was moved,
         all commands are forgotten.
         """
-        measured, current = self._recent(now_ns), self.current
+        measured, current, settings = self._recent(now_ns), self.current, self._common.settings
         if measured is None:
             return None
         if current is not None:
             settled = measured.time_ns > current.end_ns + _SETTLING_NS
-            largest = self._common.settings.max_tracking_error_rad
+            largest = settings.max_tracking_error_rad
             if self._error(measured) <= (min(largest, HELD_WITHIN_RAD) if settled else largest):
                 self._moves_unasked &= not settled
                 return current.at(start_ns)
@@ -355,9 +356,11 @@ class ArmTracking:
         if speed is None:
             self._report_gap()
             return None
-        apart_rad = np.ptp([position for _, position in self._recent_positions], axis=0).max()
-        if apart_rad > HELD_WITHIN_RAD:
-            text = f"an arm at rest is at places {apart_rad:.2f} rad apart: who else sends them?"
+        apart, limits = np.ptp([one for _, one in self._recent_positions], axis=0), settings.limits
+        if limits.largest(apart) > HELD_WITHIN_RAD:
+            text = (
+                f"an arm at rest is at places {limits.in_words(apart)} apart: who else sends them?"
+            )
             self._report_once("joint_states_disagree", None, text)
             return None
         self.current = None
@@ -400,8 +403,12 @@ class ArmTracking:
 
     def _error(self, measured: Measured) -> float:
         """Largest difference of a joint from its reference [rad]; 0 without a command."""
+        return float(self._common.settings.limits.largest(self._difference(measured)))
+
+    def _difference(self, measured: Measured) -> Floats:
+        """Difference of the joints from their reference, (n,); 0 without a command."""
         asked = self._asked(measured.time_ns)
-        return 0.0 if asked is None else float(np.abs(measured.position - asked).max())
+        return measured.position - (measured.position if asked is None else asked)
 
     def _report_once(self, reason: str, key: object, text: str) -> None:
         if self._reported != (reason, key):

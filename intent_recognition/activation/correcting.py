@@ -39,8 +39,9 @@ class Correcting:
             return
         measured, reference = compared
         position, time_ns, detector = measured.position, measured.time_ns, correction.detector
-        error_rad = np.abs(position - reference.position).max()
-        self._off = bool(error_rad > self._common.settings.max_tracking_error_rad)
+        settings = self._common.settings
+        error_rad = settings.limits.largest(position - reference.position)
+        self._off = bool(error_rad > settings.max_tracking_error_rad)
         if not (self._off or detector.deviates(position, reference)):
             self._pushed_since_ns = None
         elif self._pushed_since_ns is None:

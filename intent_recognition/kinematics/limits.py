@@ -2,7 +2,7 @@
 """Joint limits of an arm as immutable arrays, and checks against them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +13,9 @@ from intent_recognition.errors import ArgumentError, KinematicsError, ShapeError
 POSITION_TOLERANCE_RAD = 1e-9
 """Tolerance of position limits [rad], for rounding. The planner and the simulated arm share it, so
 that the arm accepts what the planner makes."""
+PRISMATIC_SCALE_M = 0.1
+"""Way of a prismatic joint that counts as a rad where differences are tolerated [m], as at the
+speeds of a URDF that names none (`urdf_tree.DEFAULT_SPEED`)."""
 RATE_TOLERANCE = 1e-6
 """Tolerance of velocity and acceleration limits, relative to the limit, for rounding."""
 
@@ -22,7 +25,8 @@ class JointLimits:
     """Limits per joint as read-only arrays of shape (n_joints,).
 
     Positions range from `lower` to `upper` [rad]. The other limits are symmetric, in rad/s, rad/s^2
-    and Nm.
+    and Nm. A prismatic joint has m and N in place of rad and Nm; what is tolerated of a joint is
+    given in rad, and each rad is `tolerance_scale` of it: 1 rad, or `PRISMATIC_SCALE_M`.
     """
 
     lower: Floats
@@ -30,9 +34,12 @@ class JointLimits:
     velocity: Floats
     acceleration: Floats
     torque: Floats
+    tolerance_scale: Floats = field(default_factory=lambda: np.ones(1))
 
     def __post_init__(self) -> None:
-        for name in ("lower", "upper", "velocity", "acceleration", "torque"):
+        scale = np.broadcast_to(self.tolerance_scale, np.shape(self.lower))
+        settle(self, tolerance_scale=scale)
+        for name in (one.name for one in fields(self)):
             array = np.array(getattr(self, name), dtype=np.float64)
             if array.ndim != 1 or array.shape != np.shape(self.lower):
                 cure = "Give one value per joint."
@@ -47,6 +54,16 @@ class JointLimits:
         if np.any(self.lower >= self.upper):
             cure = "Swap them, or make the joint fixed."
             raise ArgumentError.about("lower", f"values below upper {self.upper}", self.lower, cure)
+
+    def largest(self, difference: Floats) -> Floats:
+        """Largest of joint differences (..., n) in rad, by `tolerance_scale`; also of speeds."""
+        return np.asarray(np.max(np.abs(difference) / self.tolerance_scale, axis=-1))
+
+    def in_words(self, difference: Floats) -> str:
+        """The largest of joint differences (n,), as "0.45 rad" or "0.03 m"."""
+        worst = np.argmax(np.abs(difference) / self.tolerance_scale)
+        unit = "rad" if self.tolerance_scale[worst] == 1.0 else "m"
+        return f"{abs(difference[worst]):.2f} {unit}"
 
 
 def within_position_limits(

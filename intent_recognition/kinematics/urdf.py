@@ -6,6 +6,7 @@ collision shapes, so that no mesh file is needed.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -14,7 +15,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from intent_recognition.errors import ArgumentError, first_of
-from intent_recognition.kinematics.limits import JointLimits
+from intent_recognition.kinematics.limits import PRISMATIC_SCALE_M, JointLimits
 from intent_recognition.kinematics.urdf_tip import MOVING, default_tip
 from intent_recognition.kinematics.urdf_tree import ASSUMED, link_of, parse_urdf, separate_names
 from intent_recognition.signals import OFTEN_TAKEN, length_misfit, taken_for
@@ -230,7 +231,10 @@ def _limits(joints: list[ET.Element], acceleration_rad_s2: float) -> JointLimits
         for name in ("velocity", "effort"):
             values[name].append(_number(joint, limit, name))
     lower, upper, velocity, effort = (np.array(column) for column in values.values())
-    return JointLimits(lower, upper, velocity, np.full(len(joints), acceleration_rad_s2), effort)
+    prismatic = np.array([joint.get("type") == "prismatic" for joint in joints])
+    scale = np.where(prismatic, PRISMATIC_SCALE_M, 1.0)
+    acceleration = np.full(len(joints), acceleration_rad_s2)
+    return JointLimits(lower, upper, velocity, acceleration, effort, scale)
 
 
 def _with_mimics(
@@ -248,7 +252,7 @@ def _with_mimics(
             ends = [_number(joint, limit, end) for end in ("lower", "upper")]
             ends = sorted((end - mimic.offset) / mimic.multiplier for end in ends)
             lower[k], upper[k] = max(lower[k], ends[0]), min(upper[k], ends[1])
-    return JointLimits(lower, upper, velocity, limits.acceleration, limits.torque)
+    return replace(limits, lower=lower, upper=upper, velocity=velocity)
 
 
 def _bare(root: ET.Element) -> str:

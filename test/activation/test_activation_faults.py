@@ -10,6 +10,7 @@ from activation_world import HOME, LABELS, LIMITS, START_NS, STEP_NS, World, exe
 from intent_recognition.activation import ActivationSettings, Command, Mode
 from intent_recognition.errors import IntentError
 from intent_recognition.kinematics import UNLIMITED_RAD
+from intent_recognition.kinematics.limits import PRISMATIC_SCALE_M
 from intent_recognition.motion import JointPlan
 
 
@@ -166,6 +167,21 @@ def test_on_the_way_home_an_arm_that_is_held_back_is_stopped_and_goes_on_from_wh
     np.testing.assert_allclose(again.plan.positions[0], held, atol=1e-9)
     world.run_until(Mode.IDLE)
     np.testing.assert_allclose(world.arm(), HOME, atol=1e-9)
+
+
+@pytest.mark.parametrize("prismatic", [False, True])
+def test_a_lift_that_is_centimetres_off_its_reference_is_stopped(prismatic):
+    """By 8 cm, where 0.4 rad are tolerated of other joints."""
+    lift = np.arange(7) == 0
+    scale = np.where(prismatic & lift, PRISMATIC_SCALE_M, 1.0)
+    world = executing()
+    limits = replace(LIMITS, tolerance_scale=scale)
+    world.activation.change(replace(world.activation._settings, limits=limits))
+    world.run(0.5)
+    world.push = 0.08 * lift
+    world.run(0.3)
+    assert ("arm is 0.08 m off its reference" in world.said) is prismatic
+    assert (world.activation.mode is Mode.STOPPED) is prismatic
 
 
 def test_on_the_way_home_an_arm_that_is_not_seen_is_stopped_until_it_is():

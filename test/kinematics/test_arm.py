@@ -29,7 +29,7 @@ from intent_recognition.kinematics import (
     jacobian,
     solve,
 )
-from intent_recognition.kinematics.limits import within_position_limits
+from intent_recognition.kinematics.limits import PRISMATIC_SCALE_M, within_position_limits
 
 DATA = Path(pybullet_data.getDataPath())
 ROBOTS = {
@@ -82,6 +82,7 @@ def homogeneous(xyz, rpy):
 def test_every_kind_of_joint_is_a_product_of_exponentials():
     arm = Arm.from_urdf(MIXED)
     assert arm.joint_names == ("turn", "lift", "bend")
+    assert arm.limits.tolerance_scale.tolist() == [1.0, PRISMATIC_SCALE_M, 1.0]
     assert (arm.base, arm.tip) == ("a", "f")
     again = LIMIT + '<mimic joint="copy" multiplier="0.5" offset="0.1"/>'
     again = joint("again", "revolute", "f", "g", again)

@@ -55,3 +55,14 @@ def test_checks_and_clamping():
         check_position(q, LWR_LIMITS, JOINT_NAMES)
     with pytest.raises(KinematicsError, match="finite"):
         check_position(np.full(7, np.nan), LWR_LIMITS)
+
+
+def test_a_way_of_a_tenth_of_a_metre_of_a_prismatic_joint_is_tolerated_as_a_rad():
+    ones = np.ones(3)
+    limits = JointLimits(-ones, ones, ones, ones, ones, np.array([1.0, 0.1, 1.0]))
+    differences = np.array([[0.2, 0.03, -0.1], [0.2, -0.01, -0.5]])
+    np.testing.assert_allclose(limits.largest(differences), [0.3, 0.5])
+    assert [limits.in_words(one) for one in differences] == ["0.03 m", "0.50 rad"]
+    assert LWR_LIMITS.largest(differences[0, [0, 1, 2, 0, 0, 0, 0]]) == 0.2
+    with pytest.raises(ArgumentError, match="tolerance_scale"):
+        dataclasses.replace(limits, tolerance_scale=0.0 * ones)
