@@ -2,13 +2,13 @@
 """The arm's reference and its measured state: commands in force and joint states."""
 
 from collections import deque
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from intent_recognition.activation.inbox import LARGEST_SKEW_NS, RESTAMP
 from intent_recognition.activation.lateness import LATENESSES_NS, ArmClock, Lateness
+from intent_recognition.activation.recent_motion import REST_RAD_S, SEEN_NS, RecentMotion
 from intent_recognition.activation.settings import Common
 from intent_recognition.activation.states import Command, MotionPoints
 from intent_recognition.array_types import Floats
@@ -29,14 +29,6 @@ _MOST_LOST = 10
 """Most commands in a row whose loss is noticed: 0.4 s of updates."""
 _SETTLING_NS = 500_000_000
 """Time that an arm may take to settle after the end of a command [ns]."""
-_REST_WINDOW_NS = 100_000_000
-"""Time over which positions show an arm at rest [ns]: ten joint states at 100 Hz."""
-_SEEN_NS = 20_000_000
-"""Least time for which an arm must be seen before a motion begins [ns]: at twice `_REST_RAD_S` it
-moves by 2 mrad, more than the steps of encoders."""
-_REST_RAD_S = 0.05
-"""Largest joint speed of an arm at rest [rad/s]: several times the noise of a measured velocity. A
-plan that begins there may be off by `lead_s` times this speed."""
 
 
 class Measured(NamedTuple):
@@ -79,7 +71,7 @@ class ArmTracking:
         """Forget all joint states."""
         self.clock = ArmClock()
         self._measured: Measured | None = None
-        self._recent_positions: deque[tuple[int, Floats]] = deque()
+        self._motion = RecentMotion()
 
     def take_joint_state(
         self, now_ns: int, stamp_ns: int, position: Floats, velocity: Floats | None
@@ -109,7 +101,7 @@ class ArmTracking:
             self._measured = measured = Measured(stamp_ns, time_ns, position, velocity)
             if last is not None and time_ns - last.time_ns > age_ns:
                 self._lateness = Lateness()  # its samples are evenly spaced
-            self._remember(measured)
+            self._motion.remember(time_ns, position)
             if self._history and self.obeys and self._lateness.is_due(time_ns):
                 self._look_for_lateness(measured)
                 self._look_for_loss(measured)
@@ -146,7 +138,7 @@ class ArmTracking:
         """
         time_ns, before, self._follows = measured.time_ns, self._follows, None
         too_new = self.current is None or time_ns - self.current.start_ns < LATENESSES_NS[-1]
-        if too_new or (self._speed() or 0.0) <= _REST_RAD_S:
+        if too_new or (self._speed() or 0.0) <= REST_RAD_S:
             return
         n, least = len(self._history), self._off(measured).min()
         if least <= HELD_WITHIN_RAD:
@@ -217,33 +209,16 @@ class ArmTracking:
             "joint states' age by": "stamp" if by_stamp else "arrival",
         }
 
-    def _remember(self, measured: Measured) -> None:
-        """Keep the positions of the last `_REST_WINDOW_NS`, and the newest from before it."""
-        recent = self._recent_positions
-        recent.append((measured.time_ns, measured.position))
-        while len(recent) > 2 and recent[1][0] <= measured.time_ns - _REST_WINDOW_NS:
-            recent.popleft()
-
     def at_rest(self, measured: Measured) -> bool:
         """Whether the arm is at rest, judged by its velocity or else by its recent positions."""
         if measured.velocity is None:
             speed = self._speed()
-            return speed is not None and speed <= _REST_RAD_S
-        return bool(self._common.settings.limits.largest(measured.velocity) <= _REST_RAD_S)
+            return speed is not None and speed <= REST_RAD_S
+        return bool(self._common.settings.limits.largest(measured.velocity) <= REST_RAD_S)
 
-    def _speed(self, least_ns: int = _REST_WINDOW_NS) -> float | None:
-        """Largest mean speed of a joint between both halves of the recent positions [rad/s].
-
-        None if they cover less than `least_ns` or have a gap of `max_joint_state_age_s`.
-        """
-        times_ns, positions = zip(*self._recent_positions, strict=True)
-        table = np.column_stack([(np.array(times_ns) - times_ns[0]) * 1e-9, positions])
-        gap_s, half = max(np.diff(table[:, 0]), default=0.0), len(table) // 2
-        short = times_ns[-1] - times_ns[0] < least_ns
-        if short or gap_s > self._common.settings.max_joint_state_age_s:
-            return None
-        way = table[half:].mean(axis=0) - table[:half].mean(axis=0)
-        return float(self._common.settings.limits.largest(way[1:]) / way[0])
+    def _speed(self, *least_ns: int) -> float | None:
+        settings = self._common.settings
+        return self._motion.speed(settings.limits, settings.max_joint_state_age_s, *least_ns)
 
     def put_in_force(self, now_ns: int, command: Command) -> Command:
         """Record a command that takes over at its start; return it as it is to be sent."""
@@ -348,15 +323,17 @@ class ArmTracking:
             return None
         self._moves_unasked |= current is not None
         # some drivers send velocities of zero that they do not measure
-        speed = self._speed(_SEEN_NS)
-        if not self.at_rest(measured) or (speed or 0.0) > 2.0 * _REST_RAD_S:
+        speed = self._speed(SEEN_NS)
+        if not self.at_rest(measured) or (speed or 0.0) > 2.0 * REST_RAD_S:
             self._moves_unasked = True
             self._report_once("arm_moving", measured.stamp_ns, "arm is moved by others")
             return None
         if speed is None:
-            self._report_gap()
+            for since_ns, gap_s in self._motion.gaps(settings.max_joint_state_age_s).items():
+                text = f"joint states came {gap_s:.2f} s apart"
+                self._report_once("stale_joint_states", since_ns, text)
             return None
-        apart, limits = np.ptp([one for _, one in self._recent_positions], axis=0), settings.limits
+        apart, limits = self._motion.apart(), settings.limits
         if limits.largest(apart) > HELD_WITHIN_RAD:
             text = (
                 f"an arm at rest is at places {limits.in_words(apart)} apart: who else sends them?"
@@ -377,15 +354,6 @@ class ArmTracking:
         stamp_ns = None if measured is None else measured.stamp_ns
         self._report_once("stale_joint_states", stamp_ns, f"no joint state was measured{old}")
         return None
-
-    def _report_gap(self) -> None:
-        """Report recent joint states that are too far apart to show whether the arm rests."""
-        times_ns = [time_ns for time_ns, _ in self._recent_positions]
-        for before_ns, after_ns in pairwise(times_ns):
-            apart_s = (after_ns - before_ns) * 1e-9
-            if apart_s > self._common.settings.max_joint_state_age_s:
-                text = f"joint states came {apart_s:.2f} s apart"
-                self._report_once("stale_joint_states", before_ns, text)
 
     def _reference(self, time_ns: int) -> JointReference | None:
         return self._by(time_ns).at(time_ns) if self._history else None
