@@ -61,9 +61,12 @@ class JointLimits:
 
     def in_words(self, difference: Floats) -> str:
         """The largest of joint differences (n,), as "0.45 rad" or "0.03 m"."""
-        worst = np.argmax(np.abs(difference) / self.tolerance_scale)
-        unit = "rad" if self.tolerance_scale[worst] == 1.0 else "m"
-        return f"{abs(difference[worst]):.2f} {unit}"
+        worst = int(np.argmax(np.abs(difference) / self.tolerance_scale))
+        return f"{abs(difference[worst]):.2f} {self.unit(worst)}"
+
+    def unit(self, joint: int) -> str:
+        """Name of the unit of a joint's position, "rad" or "m"."""
+        return "rad" if self.tolerance_scale[joint] == 1.0 else "m"
 
 
 def within_position_limits(
@@ -91,6 +94,7 @@ def check_position(
     index = np.unravel_index(np.argmax(excess), excess.shape)
     joint = int(index[-1])
     name = names[joint] if names is not None else f"joint {joint}"
-    expected = f"{name} in [{limits.lower[joint]:.4f}, {limits.upper[joint]:.4f}] rad"
+    unit = limits.unit(joint)
+    expected = f"{name} in [{limits.lower[joint]:.4f}, {limits.upper[joint]:.4f}] {unit}"
     cure = "Clamp the position or choose another solution."
-    raise KinematicsError.about(argument, expected, f"{np.asarray(q)[index]:.4f} rad", cure)
+    raise KinematicsError.about(argument, expected, f"{np.asarray(q)[index]:.4f} {unit}", cure)

@@ -89,7 +89,7 @@ def way_of(plan: JointPlan, since_s: float = 0.0, until_s: float = np.inf) -> Jo
 
 
 def check_range(positions: Floats, limits: JointLimits) -> None:
-    """Check that a prediction (T, n) can belong to an arm with these limits, in radians.
+    """Check that a prediction (T, n) can belong to an arm with these limits [rad, m].
 
     Raises:
         TrajectoryError: a joint is never inside its limits, or leaves them by more than its range.
@@ -99,10 +99,11 @@ def check_range(positions: Floats, limits: JointLimits) -> None:
     if not far.any():
         return
     joint = int(np.flatnonzero(far)[0])
-    expected = f"joint {joint + 1} in [{limits.lower[joint]:.3g}, {limits.upper[joint]:.3g}] rad"
+    lower, upper, unit = limits.lower[joint], limits.upper[joint], limits.unit(joint)
+    expected = f"joint {joint + 1} in [{lower:.3g}, {upper:.3g}] {unit}"
     low, high = positions[:, joint].min(), positions[:, joint].max()
-    cure = "Train with this arm's recordings, in radians (`intent inspect` names others)."
-    raise TrajectoryError.about("positions", expected, f"{low:.3g} to {high:.3g} rad", cure)
+    cure = f"Train with this arm's recordings, in {unit} (`intent inspect` names others)."
+    raise TrajectoryError.about("positions", expected, f"{low:.3g} to {high:.3g} {unit}", cure)
 
 
 def _spline(phase: Floats, positions: Floats, slopes: Floats | None) -> CubicSpline:

@@ -6,9 +6,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from intent_recognition.errors import ArgumentError, KinematicsError, ShapeError
+from intent_recognition.errors import ArgumentError, KinematicsError, ShapeError, TrajectoryError
 from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, position_violation
 from intent_recognition.kinematics.limits import JointLimits, check_position, within_position_limits
+from intent_recognition.motion import check_range
 
 
 def test_values_of_the_lwr_are_frozen_copies():
@@ -64,5 +65,10 @@ def test_a_way_of_a_tenth_of_a_metre_of_a_prismatic_joint_is_tolerated_as_a_rad(
     np.testing.assert_allclose(limits.largest(differences), [0.3, 0.5])
     assert [limits.in_words(one) for one in differences] == ["0.03 m", "0.50 rad"]
     assert LWR_LIMITS.largest(differences[0, [0, 1, 2, 0, 0, 0, 0]]) == 0.2
+    for joint, unit in enumerate(("rad", "m", "rad")):
+        with pytest.raises(KinematicsError, match=rf"1\.0000\] {unit}\b.*2\.0000 {unit}\b"):
+            check_position(2.0 * np.eye(3)[joint], limits)
+        with pytest.raises(TrajectoryError, match=rf"1\] {unit}\b.*9 {unit}\b"):
+            check_range(9.0 * np.eye(3)[[joint]], limits)
     with pytest.raises(ArgumentError, match="tolerance_scale"):
         dataclasses.replace(limits, tolerance_scale=0.0 * ones)
