@@ -74,8 +74,11 @@ class Motions:
             "interaction", found.path, prediction.onset_ns, start_ns, start, progress
         )
         if way is None:
-            far = position_violation(start.position, self._common.settings.limits).max()
-            cure = f" from {far:.1f} rad outside: is joint_states in radians?" if far > 0.1 else ""
+            limits, cure = self._common.settings.limits, ""
+            outside = position_violation(start.position, limits)
+            if limits.largest(outside) > 0.1:
+                far = limits.in_words(outside)
+                cure = f" from {far} outside: is joint_states in radians (or metres)?"
             self._reject("infeasible", f"no plan for {label} keeps the limits{cure}")
             return None
         plan, touched = way.plan, self._obstruction(way.plan)

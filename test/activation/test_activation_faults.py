@@ -346,4 +346,4 @@ def test_an_arm_measured_in_degrees_is_not_moved_and_the_unit_is_doubted():
     world.arm = lambda: np.rad2deg(HOME)
     world.begin("plate")
     world.run(0.5)
-    assert world.commands == [] and "in radians?" in world.said[-1]
+    assert world.commands == [] and "is joint_states in radians (or metres)?" in world.said[-1]
