@@ -384,8 +384,8 @@ def test_a_ridge_must_gain_more_than_the_standard_error(monkeypatch, errors, n_t
     assert {one.ridge for one in tried} == {0.0, *RIDGES[:n_tried]}
 
 
-def test_people_whose_ridge_predicts_best_at_another_pace_are_learned_at_that_pace(monkeypatch):
-    """Until the ridge is chosen, `own` is the better pace."""
+def chosen_by(monkeypatch, gain, paces=("own",), people=False):
+    """What is chosen where `gain` says by how much hyperparameters lower the log loss."""
     data, left_out = accumulated(6, counts=(4,)), {}
     library = library_from_statistics(data.tasks, data.preprocessing, Hyperparameters())
 
@@ -396,16 +396,37 @@ def test_people_whose_ridge_predicts_best_at_another_pace_are_learned_at_that_pa
 
     def validated(_library, found, _tasks):
         one, _ = left_out[id(found)]
-        gain = (3.0 if one.pace == "steady" else 1.0) * (one.ridge == RIDGES[0])
-        gain += 1.0 * (one.pace == "own")
-        return np.full((len(POWERS), 4), -gain), np.ones((len(FRACTIONS), 4))
+        return np.full((len(POWERS), 4), -gain(one)), np.ones((len(FRACTIONS), 4))
 
     monkeypatch.setattr(selection, "leave_out", leaving_out)
     monkeypatch.setattr(selection, "validate", validated)
-    monkeypatch.setattr(selection, "compares_people", lambda _groups: True)
-    both = dict.fromkeys(("own", "steady"), (library, data.tasks))
-    chosen, *_ = choose(both, data.tasks)
+    monkeypatch.setattr(selection, "compares_people", lambda _groups: people)
+    return choose(dict.fromkeys(paces, (library, data.tasks)), data.tasks)[0]
+
+
+def test_people_whose_ridge_predicts_best_at_another_pace_are_learned_at_that_pace(monkeypatch):
+    """Until the ridge is chosen, `own` is the better pace."""
+
+    def gain(one):
+        of_ridge = (3.0 if one.pace == "steady" else 1.0) * (one.ridge == RIDGES[0])
+        return of_ridge + 1.0 * (one.pace == "own")
+
+    chosen = chosen_by(monkeypatch, gain, ("own", "steady"), people=True)
     assert (chosen.pace, chosen.ridge) == ("steady", RIDGES[0])
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "people"),
+    [
+        *(("independent", one, False) for one in INDEPENDENT),
+        *(("strength", one, False) for one in REGRESSION_STRENGTHS),
+        *(("ridge", one, True) for one in RIDGES[:2]),
+        ("borrowed", 0.0, False),
+    ],
+)
+def test_whatever_predicts_best_is_found(monkeypatch, name, value, people):
+    chosen = chosen_by(monkeypatch, lambda one: float(getattr(one, name) == value), people=people)
+    assert getattr(chosen, name) == value
 
 
 @pytest.mark.slow
