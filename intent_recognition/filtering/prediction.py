@@ -13,6 +13,7 @@ from intent_recognition.filtering.table import HypothesisTable
 from intent_recognition.gaussian import Gaussian, symmetrize, whiten_innovation
 from intent_recognition.promp import (
     STEP,
+    PoseRegression,
     StartPosture,
     TaskLibrary,
     Trajectory,
@@ -58,13 +59,13 @@ class TaskPrediction:
         self._deviations = table.deviations(index)
         self.durations_s = self._rows["onset_s"] + self._rows["duration_s"]
         self.elapsed_s = max((one.elapsed_s for one in seen), default=0.0)
-        places = [one for one in seen if not one.derivative]
+        self._places = [one for one in seen if not one.derivative]
+        known = task < library.n_tasks and not table.has_offsets and bool(self._places)
         coupling, regression = library.coupling, library.pose_regression
-        used = coupling and coupling.gain, regression and regression.share
-        known = task < library.n_tasks and not table.has_offsets
-        self._seen, self._led = (
-            places if known and of is not None and np.any(of[task]) else [] for of in used
-        )
+        couples = known and coupling is not None and coupling.gain[task].any()
+        regresses = known and regression is not None and regression.share[task].any()
+        self._coupling = coupling if couples else None
+        self._regression = regression if regresses else None
         self._relative = self.durations_s[:, None] / library.usual_s[task]
         self._likely = np.flatnonzero(duration_weights > NEGLIGIBLE_SHARE)
         self._share = duration_weights[self._likely] / duration_weights[self._likely].sum()
@@ -121,17 +122,26 @@ class TaskPrediction:
         expected += shift[likely]
         mean = np.tensordot(share, expected, 1)
         variance = np.tensordot(share, variance + (expected - mean) ** 2, 1)
-        if start is not None and self._led:
-            mean = self._regressed(times_s, mean)
+        if start is not None and self._regression is not None:
+            mean = self._regressed(self._regression, times_s, mean)
         return mean, variance + mean**2
 
-    def _regressed(self, times_s: Floats, mean: Floats) -> Floats:
+    @cached_property
+    def _measured(self) -> tuple[Floats, Floats]:
+        """Ascending times of measured positions, (n,), and their values, NaN if none, (n, P)."""
+        times_s = np.unique([one.elapsed_s for one in self._places])
+        values = np.full((len(times_s), self.library.n_observed), np.nan)
+        for one in self._places:
+            values[np.searchsorted(times_s, one.elapsed_s), one.dofs] = one.values
+        return times_s, values
+
+    def _regressed(self, regression: PoseRegression, times_s: Floats, mean: Floats) -> Floats:
         """Predicted poses (T, Q) moved towards those of the regression on the present state."""
         library, likely = self.library, self._likely
-        seen_s, values = _values(self._led, library.n_observed)
+        seen_s, values = self._measured
         at_s = self.elapsed_s - np.array([0.0, STEP]) * self.duration_s
-        known, regression = ~np.isnan(values), library.pose_regression
-        if regression is None or not np.all(known.any(axis=0)):
+        known = ~np.isnan(values)
+        if not np.all(known.any(axis=0)):
             return mean
         columns = zip(values.T, known.T, strict=True)
         last, before = np.array([np.interp(at_s, seen_s[k], v[k]) for v, k in columns]).T
@@ -212,10 +222,10 @@ class TaskPrediction:
         The shift is per hypothesis, (S, T, Q); the second is a share of the variance, (T, Q).
         """
         shape = len(times_s), self.library.n_controlled
-        coupling = self.library.coupling
-        if coupling is None or not self._seen:
+        coupling = self._coupling
+        if coupling is None:
             return np.zeros((len(self.durations_s), *shape)), np.ones(shape)
-        seen_s, values = _values(self._seen, self.library.n_observed)
+        seen_s, values = self._measured
         of_dofs = self.weights.mean.reshape(len(self.durations_s), self.library.n_observed, -1)
         path = self._design @ np.swapaxes(of_dofs, 1, 2)
         residuals = values - self.phases_at(seen_s, controlled=False) @ path
@@ -238,7 +248,7 @@ class TaskPrediction:
         phase, phase_variance, rate = self._path(times_s, controlled=True)
         positions, slope, variance = self._along(phase, start)
         variance, velocities = variance + slope**2 * phase_variance[:, None], slope * rate[:, None]
-        if self._seen:
+        if self._coupling is not None:
             shift, unexplained = self._coupled(times_s)
             shift = np.tensordot(self.duration_weights, shift, axes=1)
             positions, variance = positions + shift, variance * unexplained
@@ -328,12 +338,3 @@ def _tabulated(phase: Floats, probability: Floats) -> Floats:
         n_rows * N_PHASES,
     )
     return np.asarray(table, dtype=np.float64).reshape(*phase.shape[:-1], N_PHASES)
-
-
-def _values(seen: Sequence[Measurement], n_observed: int) -> tuple[Floats, Floats]:
-    """Ascending times of measurements, (n,), and their values, NaN if not measured, (n, P)."""
-    times_s = np.unique([one.elapsed_s for one in seen])
-    values = np.full((len(times_s), n_observed), np.nan)
-    for one in seen:
-        values[np.searchsorted(times_s, one.elapsed_s), one.dofs] = one.values
-    return times_s, values
