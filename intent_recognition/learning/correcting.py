@@ -167,7 +167,10 @@ def inferred_weights(trained: Trained, example: TrainingExample) -> Floats:
 
 
 def _with_rule(library: TaskLibrary, task: int, change: RuleChange) -> TaskLibrary:
-    """The library with A + slopes in one task, and the residual covariance unchanged."""
+    """The library with A + slopes in one task, and the residual covariance unchanged.
+
+    The task's regression on the present state, which knows uncorrected poses, has no share.
+    """
     n = library.n_observed_weights
     means, covariances = library.weight_mean.copy(), library.weight_covariance.copy()
     means[task, n:] += change.offset
@@ -177,7 +180,18 @@ def _with_rule(library: TaskLibrary, task: int, change: RuleChange) -> TaskLibra
         gain = context.gain.copy()
         gain[task, n:] += change.slopes @ gain[task, :n]
         context = replace(context, gain=gain)
-    return replace(library, weight_mean=means, weight_covariance=covariances, context=context)
+    regression = library.pose_regression
+    if regression is not None:
+        share = regression.share.copy()
+        share[task] = 0.0
+        regression = regression._replace(share=share)
+    return replace(
+        library,
+        weight_mean=means,
+        weight_covariance=covariances,
+        context=context,
+        pose_regression=regression,
+    )
 
 
 def _sheared(matrix: Floats, slopes: Floats) -> Floats:

@@ -138,6 +138,8 @@ class TaskLibrary:
     def given(self, context: ArrayLike) -> TaskLibrary:
         """The library with weights conditioned on a known context; the task prior is unchanged.
 
+        The pose is no longer regressed on the present state.
+
         Args:
             context: M numbers in the order of `context_names`, (M,); NaN for unknown ones.
 
@@ -157,6 +159,7 @@ class TaskLibrary:
             weight_covariance=scale * (self.weight_covariance - reduction),
             observed_weight_covariance=scale * observed,
             context=None,
+            pose_regression=None,  # its share was chosen without knowing the context
         )
 
     @property

@@ -23,6 +23,7 @@ from intent_recognition.learning.correcting import (
     correction_gain,
     place_scale,
 )
+from intent_recognition.promp import PoseRegression
 
 TRUTH = true_library(make_dofs())
 
@@ -78,7 +79,8 @@ def moved(recording, offset):
 def test_person_and_other_tasks_stay_to_the_last_bit_and_the_statistics_go_along(trained):
     offset = np.linspace(0.3, -0.2, 7)
     kept = [moved(perform(TRUTH, 0, seed), offset) for seed in (70, 71, 72)]
-    after = trained
+    regression = PoseRegression(*(np.full((2, 1), 1.0) for _ in range(6)))
+    after = replace(trained, library=replace(trained.library, pose_regression=regression))
     for k, one in enumerate(kept):
         after = keep_correction(after, one, kept[:k])
     first, last = trained.library, after.library
@@ -87,6 +89,7 @@ def test_person_and_other_tasks_stay_to_the_last_bit_and_the_statistics_go_along
         assert np.array_equal(getattr(first, name), getattr(last, name)), name
     assert np.array_equal(first.weight_mean[1 - task], last.weight_mean[1 - task])
     assert np.array_equal(first.weight_covariance[1 - task], last.weight_covariance[1 - task])
+    assert last.pose_regression.share.ravel().tolist() == [float(k != task) for k in range(2)]
     before, now = first.regressions[task], last.regressions[task]
     np.testing.assert_allclose(now.covariance, before.covariance, atol=1e-9)
     assert np.abs(now.matrix - before.matrix).max() > 1e-3

@@ -9,7 +9,7 @@ from simulation import make_library
 
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.gaussian import Gaussian, marginal, regression
-from intent_recognition.promp import ContextModel
+from intent_recognition.promp import ContextModel, PoseRegression
 
 FREEDOM = np.array([7.0, 4.0, 11.0])
 
@@ -71,6 +71,8 @@ def test_conditioning_on_a_context_is_that_of_the_joint_gaussian(library, task, 
 def test_a_context_says_nothing_about_the_task_nor_about_the_time_and_none_nothing(library):
     given = library.given([0.3, 0.2, 0.1])
     assert given.context is None and given.context_names == ()
+    learned = PoseRegression(*np.ones(6))
+    assert replace(library, pose_regression=learned).given([0.3, 0.2, 0.1]).pose_regression is None
     for name in (
         "task_prior",
         "transition_prior",
